@@ -104,12 +104,21 @@ def equivalent(
     parts = children(grounded.root)
     if parts[0] is parts[-1]:
         return Equivalence(True)
-    answer = _where_one_holds(parts, len(grounded.atoms), timeout_ms)
+    return _by_solver(parts, grounded.atoms, distinguished, timeout_ms)
+
+
+def _by_solver(
+    parts: Sequence[GroundNode],
+    atoms: tuple[Atom, ...],
+    distinguished: Callable[[Callable[[Atom], bool]], Equivalence | None],
+    timeout_ms: int,
+) -> Equivalence:
+    answer = _where_one_holds(parts, len(atoms), timeout_ms)
     if answer.status == "unsat":
         return Equivalence(True)
     if answer.status == "unknown":
         return Equivalence(None, reason=answer.reason)
-    true = frozenset(atom for index, atom in enumerate(grounded.atoms) if _variable(index) in answer.true)
+    true = frozenset(atom for index, atom in enumerate(atoms) if _variable(index) in answer.true)
     found = distinguished(true.__contains__)
     if found is None:
         raise RuntimeError("the solver's state does not tell the goals apart")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -110,7 +109,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     folder redirects the write. An OSError names the wanted path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem[:64]}.{secrets.token_hex(8)}.part{path.suffix}")
+    temporary = path.with_name(f".{path.stem[:64]}.{os.urandom(8).hex()}.part{path.suffix}")
     try:
         os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
         yield temporary

@@ -1,6 +1,6 @@
 """What proofs say of the end of a plan, against the detectors after it ran in physics.
 
-    python -m benchmarks.end_states [--plans 40] [--cargo 20] [--seed 74000]
+    python -m benchmarks.end_states [--plans 40] [--cargo 20] [--seed 74000] [--units FILE]
 
 Each unit draws a kitchen of the long-horizon tasks and a wish that it admits, and plans it. A unit with cargo fills a
 vessel, and then puts the vessel elsewhere. All that the proof knows to be true or false at the end becomes the goal of
@@ -11,6 +11,7 @@ A unit counts unless a step failed. A subtask whose goal does not hold ends the 
 those that do not hold are contradictions. Plans have at most two subtasks, with cargo four. Printed are the facts on
 which proof and detectors agree, each contradiction, and the units in which a step failed, with the reason. A plan is
 gone through by geometry first, as `run` does. Where it is infeasible, it is counted apart, and another wish is taken.
+With `--units` each unit becomes a line of a file, and a later call goes on after those that the file has.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import permutations
+from pathlib import Path
 
 import bddl
 from bddl.errors import Scene2DemoError
@@ -166,20 +168,38 @@ def _left_out(passed: list[LeftOut]) -> dict[str, int]:
     return {"passed_over": len(passed), "infeasible": sum(one.infeasible for one in passed)}
 
 
+def _finished(path: Path | None) -> dict[tuple[int, bool], dict[str, object]]:
+    if path is None or not path.exists():
+        return {}
+    units = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return {(each["seed"], each["cargo"]): each for each in units}
+
+
+def _run_and_keep(seed: int, path: Path | None, *, cargo: bool) -> dict[str, object]:
+    found = unit(seed, cargo=cargo)
+    line = json.dumps(found)
+    print(line, flush=True)
+    if path is not None:
+        with path.open("a", encoding="utf-8") as lines:
+            lines.write(f"{line}\n")
+    return found
+
+
 def main() -> None:
     """Print a line for each unit, then the agreement."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--plans", type=int, default=40, help="units without cargo that ran to their end")
     parser.add_argument("--cargo", type=int, default=20, help="units with cargo that ran to their end")
     parser.add_argument("--seed", type=int, default=74000, help="of the first kitchen")
+    parser.add_argument("--units", type=Path, help="file of finished units, which are not run again")
     args = parser.parse_args()
+    finished = _finished(args.units)
     ran: list[dict[str, object]] = []
     early = infeasible = 0
     for cargo, count in ((False, args.plans), (True, args.cargo)):
         seed, done = args.seed, 0
         while done < count:
-            found = unit(seed, cargo=cargo)
-            print(json.dumps(found), flush=True)
+            found = finished.get((seed, cargo)) or _run_and_keep(seed, args.units, cargo=cargo)
             seed += 1
             infeasible += int(str(found["infeasible"]))
             if "skipped" in found:
@@ -191,7 +211,7 @@ def main() -> None:
             ran.append(found)
     facts = sum(int(str(each["facts"])) for each in ran)
     true = sum(int(str(each["true"])) for each in ran)
-    wrong = sum(len(each["contradictions"]) for each in ran if isinstance(each["contradictions"], tuple))
+    wrong = sum(len(each["contradictions"]) for each in ran if isinstance(each["contradictions"], list | tuple))
     print(f"{len(ran)} plans ({args.cargo} with cargo): {facts} facts, {true} of them true; {wrong} contradicted")
     print(f"agreement {100.0 * (facts - wrong) / max(facts, 1):.2f} %; {early} further units ended early")
     print(f"{infeasible} infeasible plans were left out")

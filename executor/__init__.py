@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from executor.scenes.library import names as scene_names
     from executor.scenes.vary import vary
     from executor.sim.render.frames import Frames, write_video
+    from executor.skills.library import add_skill
 
 __all__ = [
     "Episode",
@@ -37,6 +38,7 @@ __all__ = [
     "PlanRefused",
     "Rollout",
     "RolloutInterrupted",
+    "add_skill",
     "evolve",
     "feasible",
     "load_scene",
@@ -61,6 +63,7 @@ _PLACES = {
     "PlanRefused": ("executor.records", "PlanRefused"),
     "Rollout": ("executor.records", "Rollout"),
     "RolloutInterrupted": ("executor.records", "RolloutInterrupted"),
+    "add_skill": ("executor.skills.library", "add_skill"),
     "evolve": ("executor.rollouts.evolve", "evolve"),
     "feasible": ("executor.rollouts.feasibility", "feasible"),
     "load_scene": ("executor.scenes.file", "load_scene"),

@@ -23,12 +23,13 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief, expected, shown
 from oag.model.diagnostics import SceneError, TaskError
 from oag.model.domain import BUILT_IN, Domain
+from oag.model.reading import flow_of, formula_of
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject, id_problem
 from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, State, assume_true, start_state, step
 from oag.primitives.table import Placement
-from oag.task_definition import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
+from oag.task_definition import SimpleTask, Task, default_goal, required_scene
 
 Verb = Literal["open", "close", "pick", "place"]
 _NOTHING: bddl.Formula = bddl.And(())

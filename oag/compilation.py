@@ -6,7 +6,7 @@ Source: docs/semantics.md, Knowledge and Primitives.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import bddl
 from oag.model.actions import ActionFlow
@@ -32,8 +32,7 @@ from oag.primitives.table import (
 from oag.task_definition import SimpleTask
 
 
-@dataclass(frozen=True, slots=True)
-class CompiledSubtask:
+class CompiledSubtask(NamedTuple):
     """A subtask prepared for progression: the primitives' table for its objects, its needs, and its actions.
 
     Attributes:

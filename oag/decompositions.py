@@ -272,13 +272,7 @@ def stability(
         <Stability of 'open the drawer': 1 form in 5 runs>
     """
     required_scene(scene)
-    asked: object = decompose
-    if not callable(asked):
-        problem = f"expected a function of a query and a scene, got {shown(asked)}"
-        raise TaskError(problem, source=_ARGUMENT, place="decompose")
-    count: object = n
-    if not isinstance(count, int) or count < 1:
-        raise TaskError(expected("a number of runs from 1 up", count), source=_ARGUMENT, place="n")
+    _check_arguments(decompose, n)
     kinds = checked(perturb)
     cycle: list[tuple[Perturbation, ...]] = [(kind,) for kind in kinds] + ([kinds] if len(kinds) > 1 else [])
     texts = tuple(rephrasings(query)) if wordings is None else tuple(wordings)
@@ -290,6 +284,14 @@ def stability(
         if listen is not None:
             listen(number + 1, n)
     return Stability(query, tuple(runs), _forms(runs, flows=flows))
+
+
+def _check_arguments(decompose: object, n: object) -> None:
+    if not callable(decompose):
+        problem = f"expected a function of a query and a scene, got {shown(decompose)}"
+        raise TaskError(problem, source=_ARGUMENT, place="decompose")
+    if not isinstance(n, int) or n < 1:
+        raise TaskError(expected("a number of runs from 1 up", n), source=_ARGUMENT, place="n")
 
 
 def _run(decompose: Decompose, setting: Setting, refusals: tuple[type[Exception], ...], *, flows: bool) -> Run:

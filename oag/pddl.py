@@ -24,6 +24,7 @@ from oag.compilation import articulated_ids
 from oag.model.actions import Action
 from oag.model.diagnostics import OagError
 from oag.model.domain import ANY_WORD, KINDS, THING, Domain, Own, bound, marked, own_of
+from oag.model.reading import formula_of
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject
 from oag.model.symbols import (
     ARTICULATIONS,
@@ -51,7 +52,7 @@ from oag.primitives.cargo import Carriage, is_place
 from oag.primitives.state import carriage_in, scene_facts, start_state
 from oag.primitives.table import NAVIGATION, Clause, Context, Placement, Rows, open_at_top, own_places
 from oag.sizes import TO_THE_AIM, Gripper
-from oag.task_definition import SimpleTask, Task, formula_of
+from oag.task_definition import SimpleTask, Task
 
 REQUIREMENTS = (":strips", ":typing", ":negative-preconditions")
 """What is written, and read."""

@@ -27,6 +27,7 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
 from oag.model.diagnostics import TaskError
 from oag.model.domain import own_of
+from oag.model.reading import formula_of
 from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import (
     GRIPPER,
@@ -44,7 +45,7 @@ from oag.primitives.cargo import RESTING, below
 from oag.primitives.state import State, View, Window, contradictions, start_state, step
 from oag.primitives.table import Needed, Placement, needed
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
-from oag.task_definition import SimpleTask, Task, chosen_scene, formula_of, required_scene
+from oag.task_definition import SimpleTask, Task, chosen_scene, required_scene
 from oag.verify.fix_subtasks import closing, opening, picking, placing
 from oag.verify.verify import Report, Verdict, verify
 from oag.wellformed import check

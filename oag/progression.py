@@ -366,19 +366,20 @@ class Trace:
         self._need("task-goal", len(subtasks), -1, goal)
 
     def _run_flow(self, index: int, subtask: CompiledSubtask) -> None:
-        if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
+        rows, state = subtask.rows, self.state
+        if subtask.goal != () and truth_of(subtask.goal, state.value, self._objects):
             self.vacuous.append(index)
-        rows = subtask.rows
         for position, action in enumerate(subtask.flow or ()):
-            primitive, parameter, hand = action.primitive, action.parameter, self.state.hand
+            primitive, parameter, hand = action.primitive, action.parameter, state.hand
             needs, written = rows.row(primitive, hand, parameter)
             self._need("precondition", index, position, needs)
             time = self.boundary_time + 1
+            met = state.hand
             # A condition on the hand that failed, or was unknown, counts as met from here on.
-            if rows.carries or self.state.hand != hand:
-                written = rows.written(primitive, self.state.hand, parameter, self._sure.value)
+            if rows.carries or met != hand:
+                written = rows.written(primitive, met, parameter, self._sure.value)
                 self._sure = self._sure.after(written, time) if rows.carries else self._sure
-            self.state.write(written, time)
+            state.write(written, time)
             self.boundary_time = time + 1
             self.writes.append((time, written))
             self.steps.append(Step(index, position, primitive, hand, written))
@@ -391,9 +392,11 @@ class Trace:
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
-        if wanted == () and not self._decision.given:
-            self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, Grade.HOLDS, ()))
-            return
+        if self._decision is NOTHING_DECIDED and isinstance(wanted, tuple):
+            held = self._held(wanted)
+            if held is not None:
+                self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, Grade.HOLDS, held))
+                return
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
             self._assume(CausalLink(condition, self.state.read(condition.fact).time, None), number)
@@ -405,10 +408,10 @@ class Trace:
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
         grade = self._decision.grades.get(number, Grade.HOLDS)
+        held = self._held(wanted)
+        if held is not None:
+            return grade, held, None
         links = [self._decide(clause) for clause in wanted]
-        sure = [link for link in links if link is not None and link.value is not None]
-        if len(sure) == len(links):
-            return grade, tuple(sure), None
         shown = self._by_cases(number, subtask, wanted)
         if shown is not None:
             return shown
@@ -431,6 +434,20 @@ class Trace:
             grade = Grade.FAILS
             self._fail(number, subtask, failed)
         return grade, (*found, *violated), None
+
+    def _held(self, wanted: tuple[Clause, ...]) -> tuple[CausalLink, ...] | None:
+        """Return the links of clauses that all hold by what is known, as in most plans; else None."""
+        links, last = [], self.state.last
+        for clause in wanted:
+            for condition in clause:
+                fact, meant, positive = condition
+                value, time = last(fact)
+                if value is not None and (value == meant) is positive:
+                    links.append(CausalLink(condition, time, value))
+                    break
+            else:
+                return None
+        return tuple(links)
 
     def _decide(self, clause: Clause) -> CausalLink | None:
         """Return the link of the first alternative that holds, else of the first unknown one."""
@@ -546,6 +563,33 @@ class Trace:
             return False
         given = {each: truth for each, truth in case.items() if self.state.read(each).time == NEVER}
         return self.starts.exclude(fact, value, {**self.about_start, **given})
+
+
+def holds_throughout(
+    start: State, subtasks: Sequence[CompiledSubtask], goal: Needed, objects: Mapping[str, str]
+) -> bool:
+    """Decide whether what is known meets every obligation of a plan, as a `Trace` of it would, without its evidence."""
+    state, time = start.own(), START
+
+    def known(wanted: Needed) -> bool:
+        return wanted == () or truth_of(wanted, state.value, objects) is True
+
+    for subtask in subtasks:
+        if subtask.flow is None or not known(subtask.init):
+            return False
+        rows = subtask.rows
+        for action in subtask.flow:
+            primitive, parameter, hand = action.primitive, action.parameter, state.hand
+            needs, written = rows.row(primitive, hand, parameter)
+            if not known(needs):
+                return False
+            if rows.carries:
+                written = rows.written(primitive, hand, parameter, state.value)
+            time += 2
+            state.write(written, time)
+        if not known(subtask.goal):
+            return False
+    return known(goal)
 
 
 def _objects_of(condition: Condition, value: Value) -> set[str]:

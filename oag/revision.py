@@ -24,10 +24,11 @@ from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
 from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, short_repr, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError
+from oag.model.reading import unreadable_step
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.primitives.table import NAVIGATION
-from oag.task_definition import Task, chosen_scene, subtask_place, unreadable_step
+from oag.task_definition import Task, chosen_scene, subtask_place
 from oag.verify.verify import Report, Verdict
 
 Outcome = Literal["succeeded", "failed"]

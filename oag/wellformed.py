@@ -25,6 +25,7 @@ from oag.model.symbols import (
     ARTICULATIONS,
     GRIPPER,
     Kind,
+    Parameter,
     Primitive,
     applicable,
     has_inside,
@@ -88,7 +89,9 @@ class _Findings:
         self.names = dict.fromkeys((*scene.objects, GRIPPER, ROBOT))
         self._found: dict[object, Diagnostic] = {}
         self._repeats: dict[object, list[str]] = {}
-        self._sound: set[bddl.Atom] = set()
+        self._sound: set[tuple[str, tuple[str, ...]]] = set()
+        # Numbers that are within their primitive's range.
+        self.fitting: set[tuple[Primitive, Parameter]] = set()
         # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
         self.instances = 0
         # Where the goal of each subtask wants its target.
@@ -105,11 +108,12 @@ class _Findings:
         literals = bddl.literals(formula)
         if literals is None:
             return False
-        for literal in literals:
-            if literal.atom not in self._sound:
-                if not self._sound_atom(literal.atom):
+        for atom, _ in literals:
+            known = (atom.predicate, atom.args)
+            if known not in self._sound:
+                if not self._sound_atom(atom):
                     return False
-                self._sound.add(literal.atom)
+                self._sound.add(known)
         return contradictions(literals) is None
 
     def _sound_atom(self, atom: bddl.Atom) -> bool:
@@ -197,7 +201,8 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     target, supports, objects = subtask.target, (subtask.support_init, subtask.support_goal), found.scene.objects
     placement = placement_of(subtask.goal, target)
     found.placements.append(placement)
-    known = target in objects and all(name is None or name in objects for name in supports)
+    before, after = supports
+    known = target in objects and (before is None or before in objects) and (after is None or after in objects)
     if known and target not in supports and (placement is None or placement.support == supports[1]):
         return
     place = subtask_place(found.task, index)
@@ -358,26 +363,27 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
     kind = None if target is None else target.kind
     inherits = found.scene.domain.inherits
     for position, action in enumerate(subtask.flow):
-        if action.primitive > LAST_BUILT_IN or not inherits:
-            _check_own(found, (index, position), subtask, action.primitive, own_of(action.primitive))
-        if action.parameter is not None:
+        primitive = action.primitive
+        if primitive > LAST_BUILT_IN or not inherits:
+            _check_own(found, (index, position), subtask, primitive, own_of(primitive))
+        if action.parameter is not None and (primitive, action.parameter) not in found.fitting:
             _check_number(found, (index, position), action)
-        if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
+        if primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
             found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
-        if target is None or kind is None or action.primitive not in _HANDLING:
+        if target is None or kind is None or primitive not in _HANDLING:
             continue
-        if applicable(action.primitive, kind):
-            if action.primitive is Primitive.GRASP and kind is Kind.ITEM:
+        if applicable(primitive, kind):
+            if primitive is Primitive.GRASP and kind is Kind.ITEM:
                 _check_width(found, (index, position), target)
             continue
         # A target that is its own support was named wrongly, so its kind is no further mistake.
         own_support = target.id in (subtask.support_init, subtask.support_goal)
         cause = ("roles", str(index)) if own_support else ("kind", target.id)
         what, hint = f"{target.id} ({target.category})", None
-        message = f"{action.primitive.name} cannot take {what}: it is furniture"
-        if action.primitive in ARTICULATIONS:
-            message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
+        message = f"{primitive.name} cannot take {what}: it is furniture"
+        if primitive in ARTICULATIONS:
+            message, hint = f"{primitive.name} needs a joint, and {what} has none", _openable(found.scene)
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
 
 
@@ -405,6 +411,8 @@ def _check_number(found: _Findings, at: tuple[int, int], action: Action) -> None
     if longest_m is not None and isinstance(action.parameter, float) and action.parameter > longest_m:
         message = f"{action.primitive.name} moves the hand at most {longest_m:g} m with this robot's arm"
         found.add_step("flow/parameter", f"{message}, got {action.parameter:g} m", at)
+        return
+    found.fitting.add((action.primitive, action.parameter))
 
 
 def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> None:

@@ -25,7 +25,7 @@ ANSWERS = os.fdopen(os.dup(sys.stdout.fileno()), "w")
 sys.stdout = sys.stderr
 
 BEGIN = time.perf_counter()
-from bddl.activity import RunConditions, evaluate_goal_conditions, get_goal_conditions, get_object_scope  # noqa: E402
+from bddl.activity import Conditions, evaluate_goal_conditions, get_goal_conditions, get_object_scope  # noqa: E402
 from bddl.config import ACTIVITY_CONFIGS_PATH  # noqa: E402
 from bddl.logic_base import BinaryAtomicFormula, UnaryAtomicFormula  # noqa: E402
 from bddl.parsing import parse_domain  # noqa: E402
@@ -84,7 +84,7 @@ class Goal:
 
     def __init__(self, activity: str, atoms: list[list[str]] | None, checked: bool) -> None:
         self.backend = Lookup()
-        conditions = RunConditions(activity, 0, DOMAIN)
+        conditions = Conditions(activity, 0, DOMAIN)
         scope = {name: Thing(name) for name in get_object_scope(conditions)}
         self.facts = [(atom[0], *[scope[name] for name in atom[1:]]) for atom in atoms or ()]
         self.backend.known = set(self.facts) if checked else None

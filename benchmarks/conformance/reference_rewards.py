@@ -21,7 +21,7 @@ from typing import Any
 from reference_goals import ANSWERS, Lookup, Thing
 
 from bddl.activity import (
-    RunConditions,
+    Conditions,
     get_goal_conditions,
     get_ground_goal_state_options,
     get_object_scope,
@@ -37,7 +37,7 @@ class Rewarded:
         self.options: list[Any] = []
         self.error: str | None = None
         self.seconds = float("inf")
-        conditions = RunConditions(activity, 0, "omnigibson")
+        conditions = Conditions(activity, 0, "omnigibson")
         scope = {name: Thing(name) for name in get_object_scope(conditions)}
         for _ in range(3):
             begin = time.perf_counter()

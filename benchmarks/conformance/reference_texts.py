@@ -26,7 +26,7 @@ ANSWERS = os.fdopen(os.dup(sys.stdout.fileno()), "w")
 sys.stdout = sys.stderr
 
 from bddl import bddl_verification as checks  # noqa: E402
-from bddl.activity import RunConditions, get_goal_conditions, get_initial_conditions, get_object_scope  # noqa: E402
+from bddl.activity import Conditions, get_goal_conditions, get_initial_conditions, get_object_scope  # noqa: E402
 from bddl.config import ACTIVITY_CONFIGS_PATH  # noqa: E402
 from bddl.logic_base import BinaryAtomicFormula, UnaryAtomicFormula  # noqa: E402
 from bddl.parsing import construct_bddl_from_parsed, parse_domain, parse_problem, scan_tokens  # noqa: E402
@@ -62,7 +62,7 @@ def parsed(text: str) -> Any:
 
 def compile_text(text: str) -> None:
     """Compiles init and goal."""
-    conditions = RunConditions("", 0, DOMAIN, predefined_problem=text)
+    conditions = Conditions("", 0, DOMAIN, predefined_problem=text)
     scope = get_object_scope(conditions)
     get_initial_conditions(conditions, Backend(), scope, generate_ground_options=False)
     get_goal_conditions(conditions, Backend(), scope, generate_ground_options=False)

@@ -9,6 +9,7 @@ from executor.cli.output import tell_notes
 from executor.scenes.file import load_with_notes
 from oag import Scene, Task, TaskError
 from oag.model.codec import load
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.robots import FULL_SIZE, chosen_robot
 
 
@@ -20,15 +21,20 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
         raise BadOption(option, path, "a file that does not exist yet; --force replaces it")
 
 
-def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
-    """Return a task file's task and its scene.
+def domain_in(path: Path | None) -> Domain:
+    """Return the domain of a TOML file; raises DomainError for what is not as documented."""
+    return BUILT_IN if path is None else Domain.from_toml(path)
+
+
+def task_and_scene(task_path: Path, scene: str | None, domain: Domain = BUILT_IN) -> tuple[Task, Scene]:
+    """Return a task file's task and its scene, both in a domain.
 
     Args:
         task_path: The task's file.
         scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` in the task's folder.
     """
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
-    found = load_with_notes(scene if scene is not None else _default_scene(task_path))
+    found = load_with_notes(scene if scene is not None else _default_scene(task_path), domain)
     tell_notes(found.notes)
     return Task.from_json(task_path, scene=found.scene), found.scene
 

@@ -101,6 +101,13 @@ OptionalScene = Annotated[
     ),
     READ_SCENE,
 ]
+DomainFile = Annotated[
+    Maybe[Path],
+    option_help(
+        "TOML file of an own domain: its predicates, kinds and primitives count beside the 21, or without them."
+    ),
+    Read("domain"),
+]
 TaskFile = tyro.conf.Positional[Annotated[Path, option_help("The task's JSON file."), Read("task")]]
 TaskToRun = tyro.conf.Positional[
     Annotated[

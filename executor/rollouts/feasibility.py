@@ -39,7 +39,7 @@ from executor.scenes.vary import vary as vary_scene
 from executor.sim.world import World
 from executor.skills.control import Bystanders
 from executor.skills.dry_run import DryController, DryState, DryWorld
-from executor.skills.library import LIBRARY, MOST_EFFORT_S, bounded
+from executor.skills.library import MOST_EFFORT_S, bounded, require_skills, skill_of
 from executor.skills.session import Hand, Session
 from oag import ObjectActionGraph, Scene, Task, compose
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
@@ -284,6 +284,7 @@ class DryRun:
 
     def _adopt(self, graph: ObjectActionGraph) -> None:
         require_flows(graph.task)
+        require_skills(graph.task)
         report = graph.verify()
         if not report:
             raise PlanRefused(report)
@@ -381,7 +382,7 @@ class DryRun:
         readings = (judge_at_rest if last else judge)(self._goals[index], world) + read_where(subtask, world)
         if last and not (steps and steps[-1].failure) and as_failure(readings, subtask.name) is None:
             readings = (*readings, *judge_at_rest(self._task.goal, world))
-        flow = (*flow_from_json([step.action for step in steps]), *session.flow[len(steps) :])
+        flow = (*flow_from_json([step.action for step in steps], self._scene.domain), *session.flow[len(steps) :])
         record = SubtaskRecord(index, subtask.name, flow, tuple(steps), readings, "", b"", bystanders.moved_m())
         self._tell("subtask-end", index, -1, subtask.name, steps[-1].failure if steps else None)
         choices = () if self._planner.robot.keeps_order else tuple(self._planner.chosen)
@@ -392,7 +393,7 @@ class DryRun:
         name = action.primitive.name
         self._tell("step-start", index, session.step, name)
         began = time.perf_counter()
-        outcome = bounded(LIBRARY[action.primitive], session, action)
+        outcome = bounded(skill_of(action.primitive), session, action)
         failure = outcome.failure or bystanders.check()
         self._tell("step-end", index, session.step, name, failure)
         step = StepRecord(

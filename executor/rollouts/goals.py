@@ -26,6 +26,7 @@ from llm.evolve import AttemptObservation, StartObservation, StepObservation
 from oag import Action, Task
 from oag.measurements import NOTHING_MEASURED, AtomMeasured, GoalReading, Miss, Unmet
 from oag.model.actions import flow_from_json
+from oag.model.domain import BUILT_IN
 from oag.model.symbols import has_boards
 
 STANDS_DEG = 10.0
@@ -299,8 +300,9 @@ class StepWatch:
     def observation(self, task: Task, record: SubtaskRecord) -> AttemptObservation:
         """Return the observation of an attempt, with the readings at its steps."""
         flow = task.subtasks[record.index].flow or ()
+        domain = BUILT_IN if task.scene is None else task.scene.domain
         steps = tuple(
-            _step(step, flow_from_json([step.action])[0], asked, before, after)
+            _step(step, flow_from_json([step.action], domain)[0], asked, before, after)
             for step, asked, before, after in zip(record.steps, flow, self._before, self._after, strict=False)
         )
         return AttemptObservation(task, record.index, flow, steps, record.readings, self._start)

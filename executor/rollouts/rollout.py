@@ -7,7 +7,6 @@ verifies the plan again before it runs.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from bddl import Formula
@@ -41,10 +40,10 @@ from executor.sim.engine import STANDARD, Physics
 from executor.sim.faults import Fault
 from executor.sim.world import World
 from executor.skills.control import Bystanders, Controller, settle_to_rest
-from executor.skills.library import LIBRARY, Runner, bounded
+from executor.skills.library import bounded, require_skills, skill_of
 from executor.skills.session import Hand, Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
-from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose
+from oag import ObjectActionGraph, Scene, Task, TaskError, compose
 from oag.measurements import GoalReading
 from oag.model.actions import flow_from_json
 from oag.model.codec import shown
@@ -98,14 +97,12 @@ class Run:
         subtasks: Records of the finished subtasks.
         detours: Insertions into the plan so far.
         after: The checkpoint after the last finished subtask.
-        library: The function of each primitive.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
+        MissingSkill: A primitive of an own domain has no skill.
     """
-
-    library: Mapping[Primitive, Runner] = LIBRARY
 
     def __init__(
         self,
@@ -143,6 +140,7 @@ class Run:
             MissingFlow: A subtask has no flow.
         """
         require_flows(graph.task)
+        require_skills(graph.task)
         report = graph.verify()
         if not report:
             raise PlanRefused(report)
@@ -277,7 +275,7 @@ class Run:
             self.simulated_s = world.time_s
             self.recorder.world = None
             world.close()
-        done_now = flow_from_json([step.action for step in steps])
+        done_now = flow_from_json([step.action for step in steps], self.scene.domain)
         filled = (*session.flow[:first_step], *done_now, *session.flow[first_step + len(steps) :])
         done = SubtaskRecord(
             index=index,
@@ -322,7 +320,7 @@ class Run:
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
         session.control.start_primitive()
-        outcome = bounded(self.library[action.primitive], session, action)
+        outcome = bounded(skill_of(action.primitive), session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()

@@ -38,6 +38,7 @@ from executor.scenes.support_relations import (
 from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.forms import ObjectForm, SceneForm, examine_scene, infeasible_of, object_of, robot_of
 from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
@@ -75,7 +76,7 @@ class CompletedScene:
     warnings: tuple[str, ...] = ()
 
 
-def complete_scene(source: Source) -> CompletedScene:
+def complete_scene(source: Source, domain: Domain = BUILT_IN) -> CompletedScene:
     """Return the scene of a file that needs categories and places only, or all its errors.
 
     A category stands for the library's first model of it at a default size. `on` and `in` find a free place, near the
@@ -95,7 +96,7 @@ def complete_scene(source: Source) -> CompletedScene:
         form, _ = examine_scene(document)
         if form is None:
             return CompletedScene(None, tuple(problems))
-    completion = _SceneCompletion(document, form, lost)
+    completion = _SceneCompletion(document, form, lost, domain)
     completion.place_all()
     problems += completion.problems
     try:
@@ -150,9 +151,9 @@ class _SceneCompletion:
         problems: Errors so far, with the place in the file.
     """
 
-    def __init__(self, document: Document, form: SceneForm, lost: set[str]) -> None:
+    def __init__(self, document: Document, form: SceneForm, lost: set[str], domain: Domain) -> None:
         self.problems: list[str] = []
-        self._document, self._form, self._lost = document, form, lost
+        self._document, self._form, self._lost, self._domain = document, form, lost, domain
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
         # (support, region, number of the choice) -> width that found no place there; wider items are skipped.
         self._refused_width_m: dict[tuple[str, str, int], float] = {}
@@ -201,6 +202,7 @@ class _SceneCompletion:
             closed=closed,
             variation=dict(self._form.variation or {}),
             known=infeasible_of(self._form.known),
+            domain=self._domain,
         )
         return with_neighbours(scene)
 
@@ -350,11 +352,12 @@ class _SceneCompletion:
         Facts about malformed entries are skipped, since those are reported themselves.
         """
         stated = [fact for fact in self._form.facts or () if not self._lost.intersection(_words(fact))]
-        facts = read_facts(stated, objects, self._document.source)
+        facts = read_facts(stated, objects, self._document.source, self._domain)
         known = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
         stated_by_entries = tuple(atom for atom in self._stated if atom not in known and atom.args[1] not in self._lost)
         given = self._form.closed
-        return (*facts, *stated_by_entries), CLOSED if given is None else read_closed(given, self._document.source)
+        closed = CLOSED if given is None else read_closed(given, self._document.source, self._domain)
+        return (*facts, *stated_by_entries), closed
 
     def _derived(self, objects: Mapping[str, SceneObject], facts: tuple[bddl.Formula, ...]) -> tuple[bddl.Formula, ...]:
         """Return the geometric facts that the file does not state."""
@@ -431,29 +434,38 @@ Listener = Callable[[tuple[str, ...]], None]
 _FLOOR_NAMES = frozenset({"floor", "ground"})
 
 
-def load_scene(name_or_path: str | Path) -> Scene:
+def load_scene(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene:
     """Return a scene of the package by its name, or the scene of a JSON file.
 
     An argument that ends in `.json`, has a folder in it, or exists as a file is a file. The library and geometry supply
     what the file leaves out; without `closed` the robot is `panda-lift` where none is named. A file of Digital Cousins
-    (`scene_0_info.json`) gets models of the library; see `executor.scenes.digital_cousins`.
+    (`scene_0_info.json`) gets models of the library; see `executor.scenes.digital_cousins`. Facts are in the predicates
+    of the domain.
 
     Raises:
         SceneNotFound: The package has no scene of that name; the message suggests near ones.
         SceneError: The file is missing or malformed, or its content makes no scene; all errors are listed. Also if the
             argument is neither a name nor a path.
     """
-    return load_with_notes(name_or_path).scene
+    return load_with_notes(name_or_path, domain).scene
 
 
-def scene_for(query: str, name_or_path: str | Path, *, robot: str = "", listen: Listener = lambda notes: None) -> Scene:
+def scene_for(
+    query: str,
+    name_or_path: str | Path,
+    *,
+    robot: str = "",
+    listen: Listener = lambda notes: None,
+    domain: Domain = BUILT_IN,
+) -> Scene:
     """Return the scene for a sentence: that of `load_scene`, with the floor if the sentence names it.
 
     Args:
         robot: Name of the robot; by default the scene's own.
         listen: Receives the differences between the scene and its file, in sentences.
+        domain: What the scene is described in.
     """
-    found = load_with_notes(name_or_path)
+    found = load_with_notes(name_or_path, domain)
     listen(found.notes)
     scene = found.scene
     if robot:
@@ -461,14 +473,15 @@ def scene_for(query: str, name_or_path: str | Path, *, robot: str = "", listen: 
     return with_floor(scene) if _FLOOR_NAMES.intersection(re.findall(r"\w+", query.casefold())) else scene
 
 
-def load_with_notes(name_or_path: str | Path) -> SceneWithNotes:
+def load_with_notes(name_or_path: str | Path, domain: Domain = BUILT_IN) -> SceneWithNotes:
     """Return a scene as `load_scene` does, with its differences from the file, in sentences."""
     path = file_of(name_or_path)
     if path is None:
-        return SceneWithNotes(load_named(str(name_or_path)), ())
+        return SceneWithNotes(replace(load_named(str(name_or_path)), domain=domain), ())
     if holds_cousins(path):
-        return from_cousins(path)
-    found = complete_scene(path)
+        made = from_cousins(path)
+        return replace(made, scene=replace(made.scene, domain=domain))
+    found = complete_scene(path, domain)
     if found.scene is None:
         message = found.problems[0] if len(found.problems) == 1 else listed(found.problems)
         raise SceneError(message, source=path.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib import import_module, resources
 from os import PathLike
 from pathlib import Path
@@ -15,6 +16,7 @@ from bddl.files import read_bounded_text
 from oag import Scene, SceneError
 from oag.model.codec import load as load_json
 from oag.model.codec import shown
+from oag.model.domain import BUILT_IN, Domain
 
 _DATA = resources.files(__package__) / "data"
 # Module and function that draw a scene from its name; the function returns None for an unknown form. Loaded lazily:
@@ -57,8 +59,8 @@ def load(name: str) -> Scene:
     return scene
 
 
-def load_own(name_or_path: str | Path) -> Scene:
-    """Return a scene of the package by its name, or the scene of a JSON file in this project's own form.
+def load_own(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene:
+    """Return a scene of the package by its name, or the scene of a JSON file in this project's own form, in a domain.
 
     Raises:
         SceneNotFound: The package has no scene of that name; the message suggests near ones.
@@ -67,7 +69,7 @@ def load_own(name_or_path: str | Path) -> Scene:
     """
     path = file_of(name_or_path)
     if path is None:
-        return load(str(name_or_path))
+        return replace(load(str(name_or_path)), domain=domain)
     if holds_cousins(path):
         problem = "has the form of Digital Cousins, and what is compared has this project's own"
         hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
@@ -76,7 +78,7 @@ def load_own(name_or_path: str | Path) -> Scene:
     if isinstance(document.data, dict) and document.data.get("closed") is None:
         problem = "has no 'closed': what geometry says of it is not in it"
         raise document.fail((), problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
-    return Scene.from_json(path)
+    return Scene.from_json(path, domain)
 
 
 def file_of(name_or_path: str | Path) -> Path | None:

@@ -187,6 +187,9 @@ Tick = Callable[[], None]
 Carriage = tuple[str, str, float]
 """A joint that a motion moves along: its object's id, its name, and the position [rad or m] to which it is meant to."""
 
+Pushed = tuple[str, Array]
+"""An item that a motion pushes along: its id, and the (4, 4) pose in the world to which it is meant to."""
+
 STILL_M = 0.001  # More than what trembles in contact, less than what rolls.
 LONGEST_WAIT_S = 5.0  # A glass that lies on its side rolls for seconds.
 LOOK_EVERY_S = 0.1
@@ -236,7 +239,12 @@ class Controller:
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[: self.world.model.movers]
 
     def follow(
-        self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None, carries: Carriage | None = None
+        self,
+        path: Array,
+        *,
+        speed: float = 1.0,
+        monitor: Monitor | None = None,
+        carries: Carriage | Pushed | None = None,
     ) -> Failure | None:
         """Move along a path; return why it ended early, or None when it arrived.
 
@@ -246,7 +254,8 @@ class Controller:
             path: (N, Q) waypoints, the first one being the present target.
             speed: Fraction of the speed limits.
             monitor: Ends the motion when it has to end; the robot then slows down, and holds the posture it comes to.
-            carries: What the motion is meant to do to a joint. Physics decides that; a dry run takes it for done.
+            carries: What the motion is meant to do to a joint or an item. Physics decides that; a dry run takes it for
+                done.
         """
         began = time.perf_counter()
         failure: Failure | None = None

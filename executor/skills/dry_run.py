@@ -22,7 +22,7 @@ from executor.records import Failure
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
-from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor
+from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor, Pushed
 from oag import Scene
 
 GRIP_N = 30.0
@@ -266,11 +266,19 @@ class DryController(Controller):
         self._loose: tuple[str, ...] = ()
 
     def follow(
-        self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None, carries: Carriage | None = None
+        self,
+        path: Array,
+        *,
+        speed: float = 1.0,
+        monitor: Monitor | None = None,
+        carries: Carriage | Pushed | None = None,
     ) -> Failure | None:
         """Put the robot at a path's end; return why it ended early, or None."""
         if carries is not None:
-            self.world.move_joint(*carries)
+            if len(carries) == 3:
+                self.world.move_joint(*carries)
+            else:
+                self.world.put(*carries)
             self._go(path[-1])
             return self.settle(SETTLE_S, monitor)
         rows = np.unique(np.linspace(0, len(path) - 1, min(LOOKS, len(path))).round().astype(int))[1:]

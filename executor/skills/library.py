@@ -1,4 +1,7 @@
-"""The 21 primitives with their functions, and the parameterised moves: straight hand motions, base slides and turns."""
+"""The primitives with their functions, and the parameterised moves: straight hand motions, base slides and turns.
+
+The 21 have theirs here. One of an own domain gets its function by `add_skill`.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from executor.planning.planner import EEF_DIRECTIONS, MOVES, TURN_SIGNS, move_path
 from executor.records import Failure, FailureKind
 from executor.skills.articulate import articulate
@@ -15,8 +19,9 @@ from executor.skills.grasp import approach, converge, grasp, ungrasp
 from executor.skills.navigate import navigate_to_support, navigate_to_target, retreat
 from executor.skills.session import Session, StepResult
 from executor.system.effort import SearchExhausted
-from oag import Action, Primitive
+from oag import Action, Primitive, Task
 from oag.measurements import MoveMeasured, OutOfReach, UnmeantContact, Unplanned, first_of
+from oag.model.domain import own_of
 
 EEF_SPEED = 0.6  # Of the limits: these moves end at things.
 BASE_SPEED = 0.7  # And so do the base's.
@@ -128,4 +133,47 @@ LIBRARY: Mapping[Primitive, Runner] = MappingProxyType(
         **{primitive: move for primitive in MOVES},
     }
 )
-"""Every primitive of the library with the function that runs it."""
+"""Each of the 21 primitives with the function that runs it."""
+
+_ADDED: dict[str, Runner] = {}
+
+
+class MissingSkill(Scene2DemoError, ValueError):
+    """The robot has no skill for a primitive of an own domain."""
+
+
+def add_skill(name: str, runner: Runner) -> None:
+    """Let the robot execute the primitive of an own domain that has a name, in this process.
+
+    Args:
+        name: Of its row, such as `PUSH`.
+        runner: Takes the session and the action. It moves the robot through `session.control`, and returns
+            `session.done(action, ...)`, with a `Failure` where it ended early.
+
+    Raises:
+        ValueError: The name is one of the 21, or it has another skill already.
+    """
+    if name in Primitive.__members__ or _ADDED.get(name, runner) is not runner:
+        raise ValueError(f"{name} has a skill already; choose another name for the row")
+    _ADDED[name] = runner
+
+
+def skill_of(primitive: Primitive) -> Runner:
+    """Return the function that runs a primitive.
+
+    Raises:
+        MissingSkill: It is one of an own domain, and none was added for it.
+    """
+    own = own_of(primitive)
+    runner = LIBRARY[primitive] if own is None else _ADDED.get(own.row.name)
+    if runner is None:
+        hint = "executor.add_skill gives it one"
+        raise MissingSkill(f"the robot has no skill for {primitive.name.split()[0]}; {hint}")
+    return runner
+
+
+def require_skills(task: Task) -> None:
+    """Check that the robot has a skill for each primitive of a task; raises MissingSkill."""
+    for subtask in task.subtasks:
+        for action in subtask.flow or ():
+            skill_of(action.primitive)

@@ -59,8 +59,9 @@ from llm.structured.values import as_number
 from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
+from oag.model.reading import UNREADABLE, syntax_issues
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
-from oag.task_definition import UNREADABLE, subtask_place, syntax_issues
+from oag.task_definition import subtask_place
 from oag.wellformed import check as check_form
 
 

@@ -29,11 +29,11 @@ from oag.certificate.check_plan import (
     domain_of,
     is_link,
     require,
-    schema_check,
     truth_by_cases,
     truth_of,
     with_values,
 )
+from oag.certificate.schema import schema_check
 from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, generalisations
 from oag.primitives.table import Clause, Effect, Needed, Rows, library_sha, requirements, with_consequences
 

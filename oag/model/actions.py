@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 
 import bddl
 from oag.model.codec import as_number, shown
@@ -112,6 +111,8 @@ def _near_primitives(identifier: object) -> dict[int, str]:
     names = {primitive.name: primitive for primitive in Primitive}
     wanted = _name(identifier)
     near = bddl.near_names(wanted, tuple(names))
+    from difflib import SequenceMatcher
+
     # Of names that share a word, the one that has more of the letters: LIFT_UP is no LIFT_EEF_DOWN.
     likely = sorted(near, key=lambda name: -SequenceMatcher(None, wanted, name).ratio())
     return {int(names[name]): name for name in likely}

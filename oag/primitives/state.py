@@ -106,6 +106,8 @@ def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
     Source: docs/semantics.md, States: `inside` and `ontop` are irreflexive and antisymmetric, at most one thing is
     held. `inside` and `ontop` may hold at once (an apple in an open bowl), so that is no contradiction.
     """
+    if len(literals) == 1 and len(set(literals[0].atom.args)) == len(literals[0].atom.args):
+        return None
     values: dict[bddl.Atom, bool] = {}
     related: set[tuple[str, str, str]] = set()
     held: str | None = None
@@ -164,6 +166,15 @@ _Writes = dict[Fact, tuple[Value, int]]
 _NOTHING: _Writes = {}
 
 
+def _latest(writes: _Writes, fact: Fact) -> tuple[Value, int]:
+    best: tuple[Value, int] = UNWRITTEN
+    for pattern in generalisations(fact):
+        written = writes.get(pattern)
+        if written is not None and written[1] > best[1]:
+            best = written
+    return best
+
+
 class State:
     """Knowledge at one moment; immutable, unless it is `own`ed and written to."""
 
@@ -188,15 +199,8 @@ class State:
         if len(fact) == 1:
             return self._recent.get(fact) or self._older.get(fact, UNWRITTEN)
         # All that is recent was written after all that is older.
-        for writes in (self._recent, self._older) if self._older else (self._recent,):
-            best: tuple[Value, int] = UNWRITTEN
-            for pattern in generalisations(fact):
-                written = writes.get(pattern)
-                if written is not None and written[1] > best[1]:
-                    best = written
-            if best is not UNWRITTEN:
-                return best
-        return UNWRITTEN
+        best = _latest(self._recent, fact)
+        return _latest(self._older, fact) if best is UNWRITTEN and self._older else best
 
     @property
     def hand(self) -> Value:

@@ -169,16 +169,19 @@ def needed(formula: bddl.Formula) -> Needed:
 
 def clauses_of(literals: Iterable[bddl.Literal]) -> tuple[Clause, ...]:
     """Return literals as clauses of one condition each."""
-    return tuple((condition_of(literal.atom, literal.value),) for literal in literals)
+    return tuple([(condition_of(atom, value),) for atom, value in literals])
 
 
 def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
     """Return where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
     for part in bddl.conjuncts(goal):
-        for atom, value in bddl.literals(part) or ():
-            rests = value and atom.predicate in RESTING and len(atom.args) == 2 and atom.args[0] == target
-            if rests and atom.args[1] != GRIPPER:
-                return Placement(atom.predicate, atom.args[1])
+        while isinstance(part, bddl.Not) and isinstance(part.body, bddl.Not):
+            part = part.body.body
+        if not isinstance(part, bddl.Atom) or part.predicate not in RESTING or len(part.args) != 2:
+            continue
+        thing, place = part.args
+        if thing == target and place != GRIPPER:
+            return Placement(part.predicate, place)
     return None
 
 

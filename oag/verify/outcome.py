@@ -8,10 +8,10 @@ from typing import NamedTuple
 import bddl
 from bddl.terminal import pluralize
 from oag.model.codec import brief
+from oag.model.reading import formula_of
 from oag.model.symbols import ANY, GRIPPER, held_by
 from oag.primitives.state import State, truth_of
 from oag.primitives.table import needed
-from oag.task_definition import formula_of
 
 
 class Missing(NamedTuple):

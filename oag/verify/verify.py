@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property, partial
-from typing import cast
+from functools import cache, cached_property, partial
+from typing import NamedTuple, cast
 
 import bddl
 from bddl.terminal import pluralize
 from oag.certificate.write import Certificate, certify
-from oag.compilation import compile_plan
+from oag.compilation import CompiledSubtask, compile_plan
 from oag.exact import Counterexample, Undecided, counterexample, decide, needs_exact_decision, unroll
 from oag.flows import NoFlow, prove_no_flow
 from oag.model.codec import brief, shown
@@ -24,9 +24,17 @@ from oag.model.diagnostics import Diagnostic, NoSuchSubtask
 from oag.model.scene import Scene
 from oag.model.symbols import Condition, conjunction
 from oag.picture import drawing, html
-from oag.primitives.state import reset_reason, scene_facts, start_state
-from oag.primitives.table import needed
-from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace
+from oag.primitives.state import State, reset_reason, scene_facts, start_state
+from oag.primitives.table import Needed, needed
+from oag.progression import (
+    NOTHING_DECIDED,
+    CausalLink,
+    Decision,
+    Grade,
+    Obligation,
+    Trace,
+    holds_throughout,
+)
 from oag.task_definition import Task
 from oag.verify.edits import Fix
 from oag.verify.outcome import Missing, PlanState
@@ -57,7 +65,7 @@ class Report:
     Attributes:
         verdict: PROVED, CONDITIONAL (holds if what the warnings list holds) or REFUTED.
         explain: What makes the diagnostics; they are made when they are first read.
-        trace: How the obligations were decided; None when the plan is not well formed.
+        evidence: What follows the plan for `trace`; None when the plan is not well formed.
         no_flow: The proof that a subtask has no flow, where that was shown.
         repair: How fixes are searched; None for a report that offers none.
     """
@@ -66,7 +74,7 @@ class Report:
     scene: Scene
     verdict: Verdict
     explain: Callable[[], tuple[Diagnostic, ...]] = field(repr=False, compare=False)
-    trace: Trace | None = field(repr=False, compare=False)
+    evidence: Callable[[], Trace] | None = field(repr=False, compare=False)
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
     repair: Repair | None = field(default=None, repr=False, compare=False)
 
@@ -92,6 +100,11 @@ class Report:
     def sure_fix(self) -> Fix | None:
         """The first fix that proves the plan and states no fact of the scene; None where there is none."""
         return next((fix for fix in self.fixes if fix.proves and not fix.assumption), None)
+
+    @cached_property
+    def trace(self) -> Trace | None:
+        """How each obligation was decided, and by which writes; None when the plan is not well formed."""
+        return None if self.evidence is None else self.evidence()
 
     @cached_property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -360,41 +373,60 @@ def verify(
         ordered = sorted(malformed, key=lambda finding: finding.severity != "error")
         verdict = Verdict.REFUTED if wrong else Verdict.CONDITIONAL
         return Report(task, scene, verdict, partial(tuple, ordered), None, repair=repair)
-    trace = follow(task, scene, exact=exact)
-    # A choice among unknown alternatives may be wrong, and then proves nothing about reachability.
-    proof = None if trace.chose else prove_no_flow(task, scene, trace)
-    if trace.failures or proof is not None:
-        verdict = Verdict.REFUTED
-    else:
-        undecided = trace.assumptions or trace.undecided_from is not None
-        verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
+    plan = _compiled(task, scene)
+    verdict, proof = Verdict.PROVED, None
+    # Most plans hold by what is known, and not every caller reads the evidence.
+    evidence = cache(partial(_followed, plan, exact=exact))
+    if exact or not holds_throughout(*plan):
+        trace = evidence()
+        # A choice among unknown alternatives may be wrong, and then proves nothing about reachability.
+        proof = None if trace.chose else prove_no_flow(task, scene, trace)
+        if trace.failures or proof is not None:
+            verdict = Verdict.REFUTED
+        elif trace.assumptions or trace.undecided_from is not None:
+            verdict = Verdict.CONDITIONAL
 
     def explain() -> tuple[Diagnostic, ...]:
         from oag.verify.diagnose import all_findings
 
-        return all_findings(task, scene, trace, proof, searched)
+        return all_findings(task, scene, evidence(), proof, searched)
 
-    return Report(task, scene, verdict, explain, trace, proof, repair)
+    return Report(task, scene, verdict, explain, evidence, proof, repair)
 
 
-def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
-    """Return the progression of a well-formed plan, exact where three-valued progression alone would not be.
+class _Compiled(NamedTuple):
+    """A well-formed plan ready for progression; `objects` has the category of each object."""
 
-    `exact` decides everything exactly, what progression alone decides included.
-    """
+    start: State
+    subtasks: tuple[CompiledSubtask, ...]
+    goal: Needed
+    objects: dict[str, str]
+
+
+def _compiled(task: Task, scene: Scene) -> _Compiled:
     stated = scene_facts(scene)
-    subtasks, goal = compile_plan(task.subtasks, scene, stated), needed(task.goal)
     start = start_state(scene, task.subtasks[0].target if task.subtasks else None, stated)
+    return _Compiled(start, compile_plan(task.subtasks, scene, stated), needed(task.goal), scene.categories)
+
+
+def follow(task: Task, scene: Scene) -> Trace:
+    """Return the progression of a well-formed plan, exact where three-valued progression alone would not be."""
+    return _followed(_compiled(task, scene))
+
+
+def _followed(plan: _Compiled, *, exact: bool = False) -> Trace:
+    """Return the progression of a plan; `exact` also decides exactly what progression alone decides."""
+    start, subtasks, goal, objects = plan
 
     def progressed(decision: Decision, *, chose: bool = False) -> Trace:
-        trace = Trace(start, scene.categories, decision, chose=chose)
+        trace = Trace(start, objects, decision, chose=chose)
         trace.run(subtasks, goal)
         return trace
 
     trace = progressed(NOTHING_DECIDED)
     if not exact and not needs_exact_decision(trace):
         return trace
-    unrolled = unroll(trace, subtasks, goal, scene.categories, every=exact)
+    unrolled = unroll(trace, subtasks, goal, objects, every=exact)
     try:
         decision = decide(unrolled)
     except Undecided as problem:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import bddl
 import oag
-from executor.records import MissingSkill, require_flows
+from executor.skills.library import MissingSkill, require_skills
 from oag import pddl
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
@@ -276,7 +276,7 @@ def test_a_denial_of_every_object_helps_a_plan() -> None:
 
 def test_the_robot_has_no_skill_for_an_own_row() -> None:
     with pytest.raises(MissingSkill, match="PLACE_NEXT_TO"):
-        require_flows(oag.task(kitchen(), goal=GOAL, steps=STEPS))
+        require_skills(oag.task(kitchen(), goal=GOAL, steps=STEPS))
 
 
 # Random domains without the robot, and an oracle of sets that shares nothing with the verifier.

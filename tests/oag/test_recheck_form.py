@@ -12,8 +12,8 @@ import pytest
 
 import bddl
 import oag
-from oag.certificate.check_plan import schema_check
 from oag.certificate.formulas import read_formula
+from oag.certificate.schema import schema_check
 from tests.forgeries import VALIDATOR, rehashed, single_changes
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene, task_json, verify

@@ -13,6 +13,7 @@ from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, check
 from executor.cli.options import (
     CommonOptions,
+    DomainFile,
     FullSize,
     KeepSizes,
     Maybe,
@@ -47,6 +48,7 @@ class Options(CommonOptions):
     query: OptionalSentence = ""
     goal: Maybe[str] = None
     """A goal in BDDL instead of a sentence; quantifiers range over the scene."""
+    domain: DomainFile = None
     seed: int = 0
     """Varies the scene and seeds the planning, as in `run`."""
     keep_sizes: KeepSizes = False
@@ -73,7 +75,7 @@ def execute(options: Options) -> int:
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed
-        from executor.cli.inputs import robot_asked_for
+        from executor.cli.inputs import domain_in, robot_asked_for
         from executor.rollouts.feasibility import feasible
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
@@ -88,6 +90,7 @@ def execute(options: Options) -> int:
             options.scene,
             robot=robot_asked_for(options.robot, full_size=options.full_size),
             listen=tell_notes,
+            domain=domain_in(options.domain),
         )
         tell_warnings(require_valid(scene))
     spending = _spending(options)
@@ -107,8 +110,8 @@ def execute(options: Options) -> int:
         if spending is not None:
             tell(f"  {spending.total()}")
         say(report.text(without=_KNOWN if report else ()))
-    found = None
-    if report:
+    found, unskilled = None, _without_skill(task)
+    if report and not unskilled:
         with counting("going through the plan by geometry, subtask by subtask", quiet=quiet) as on_progress:
 
             def listen(event: Event) -> None:
@@ -122,10 +125,22 @@ def execute(options: Options) -> int:
         plan = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
         print_json({**head, **report.to_json(), **plan})
     elif found is None:
-        tell("\nwhether it is feasible was not asked, since the plan is not proved", style="yellow")
+        reason = unskilled if report else "the plan is not proved"
+        tell(f"\nwhether it is feasible was not asked, since {reason}", style="yellow")
     else:
         _print_feasibility(found)
     return code
+
+
+def _without_skill(task: Task) -> str:
+    """Return why the robot cannot carry out a plan in an own domain; empty where it has a skill for each primitive."""
+    from executor.skills.library import MissingSkill, require_skills
+
+    try:
+        require_skills(task)
+    except MissingSkill as problem:
+        return str(problem)
+    return ""
 
 
 def _spending(options: Options) -> Spending | None:

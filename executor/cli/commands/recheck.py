@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from executor.cli.errors import DONE, FAILED
-from executor.cli.options import READ_SCENE, CommonOptions, Maybe, Read
+from executor.cli.options import READ_SCENE, CommonOptions, DomainFile, Maybe, Read
 from executor.cli.output import print_json, say
 
 
@@ -23,15 +23,18 @@ class Options(CommonOptions):
     """The task's JSON file that it has to be about; by default any."""
     scene: Annotated[Maybe[str], READ_SCENE] = None
     """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
+    domain: DomainFile = None
 
 
 def execute(options: Options) -> int:
     """Print whether a certificate supports its verdict about task and scene; return 0 when it does, else 1."""
+    from executor.cli.inputs import domain_in
     from executor.scenes.library import load_own
     from oag import recheck
     from oag.model.codec import load
     from oag.model.diagnostics import CertificateError
 
+    domain = domain_in(options.domain)
     document = load(options.certificate, CertificateError)
     data = document.data
     if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):
@@ -40,7 +43,7 @@ def execute(options: Options) -> int:
     if "schema" not in data and isinstance(data.get("certificate"), dict):
         # What `verify --json` prints is a report, and the certificate is in it.
         data = data["certificate"]
-    scene = None if options.scene is None else load_own(options.scene)
+    scene = None if options.scene is None else load_own(options.scene, domain)
     result = recheck(data, task=options.task, scene=scene)
     if options.json:
         print_json({"ok": bool(result), "verdict": data.get("verdict"), "reason": result.reason})

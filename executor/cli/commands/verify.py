@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executor.cli.errors import DONE, FAILED, BadOption
-from executor.cli.options import CommonOptions, Maybe, OptionalScene, ReplaceFile, TaskFile
+from executor.cli.options import CommonOptions, DomainFile, Maybe, OptionalScene, ReplaceFile, TaskFile
 from executor.cli.output import print_json, say, tell
 from executor.system.files import write_json
 
@@ -21,6 +21,7 @@ class Options(CommonOptions):
 
     task: TaskFile
     scene: OptionalScene = None
+    domain: DomainFile = None
     out: Maybe[Path] = None
     """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
     folder is made when absent."""
@@ -37,7 +38,7 @@ def execute(options: Options) -> int:
     Returns:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
     """
-    from executor.cli.inputs import query_in, refuse_existing, task_and_scene
+    from executor.cli.inputs import domain_in, query_in, refuse_existing, task_and_scene
     from llm.offline.planner import other_readings
     from oag import Verdict, canonical_digest, compose
 
@@ -46,7 +47,7 @@ def execute(options: Options) -> int:
     for name, path in (("--out", options.out), ("--certificate", options.certificate)):
         if path is not None:
             refuse_existing(path, force=options.force, option=name)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain))
     report = compose(task, scene=scene).verify()
     if report.trace is not None:
         # Sentences of a malformed task are compared with nothing.

@@ -50,7 +50,7 @@ EXIT_CODES = {
     "executor.learn.policy_record.NotAPolicy": BAD_INPUT,
     "executor.photo.errors.PhotoRefused": BAD_INPUT,
     "executor.records.MissingFlow": BAD_INPUT,
-    "executor.records.MissingSkill": BAD_INPUT,
+    "executor.skills.library.MissingSkill": BAD_INPUT,
     "executor.reports.run_folder.FolderUnusable": BAD_INPUT,
     "executor.reports.run_folder.ResultsExist": BAD_INPUT,
     "executor.rollouts.checkpoint.CheckpointError": BAD_INPUT,
