@@ -142,8 +142,8 @@ def _picture_of(entry: Mapping[str, Any], annotations: Path, folder: Path) -> Re
     return RealPicture(
         name,
         entry["half"],
-        folder / f"{name}{Path(entry['color']['path']).suffix}",
-        None if depth is None else folder / f"{name}_depth{Path(depth['path']).suffix}",
+        folder / f"{name}{Path(entry['color']['path']).suffix.lower()}",
+        None if depth is None else folder / f"{name}_depth{Path(depth['path']).suffix.lower()}",
         folder / f"{name}_camera.json",
         None if depth is None else float(depth["unit_m"]),
         entry.get("level", {}),
