@@ -48,7 +48,7 @@ from executor.rollouts.feasibility import feasible
 from executor.rollouts.goals import judge, judge_at_rest
 from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.file import scene_for
-from executor.scenes.validation import require_valid
+from executor.scenes.validation import MOST_FALL_M, require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
 from executor.system.files import read_json, write_json
@@ -344,10 +344,11 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
 
 
 def _stands(scene: Scene, made: Mapping[str, str]) -> dict[str, str]:
-    """Return id -> relation and support as an annotation has them; what stands on nothing is on the floor."""
+    """Return id -> relation and support as an annotation has them; what is on nothing hangs, or is on the floor."""
     names = {key: name for name, key in made.items()}
     relations = {"ontop": "on", "inside": "inside"}
-    found = {key: f"on {FLOOR}" for key in scene.objects}
+    hung = {key for key, obj in scene.objects.items() if obj.position[2] - obj.bbox_extent[2] / 2 > MOST_FALL_M}
+    found = {key: "on wall" if key in hung else f"on {FLOOR}" for key in scene.objects}
     for fact in scene.facts:
         for literal in bddl.literals(fact) or ():
             relation = relations.get(literal.atom.predicate)
