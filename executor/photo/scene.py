@@ -19,7 +19,7 @@ from executor.assets.footprint import Footprint, overlap_depth_m, region_frame, 
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.photo.errors import LostCause
-from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
 from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
@@ -30,6 +30,7 @@ from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import about_z
+from oag.model.symbols import Kind, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
@@ -47,6 +48,7 @@ _HIGHER_M = 0.002
 _NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top beside it.
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
 _GUESSED_FAR_M = 1.5  # Without depth it was fitted to a top's height, and may be off by the error of both sizes.
+_GROWN_M = 1.0  # A table is fitted to what is visible of it: things at the height of its top are on it so far off.
 _ON_ITEM, _ON_TOP = 0.7, 0.4
 """Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
 
@@ -90,6 +92,9 @@ def resolve_overlaps(
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
+    for key in small:
+        if key not in hung and not _stands_within(room, key, same_height_m):
+            _let_carry(room, key)
     for _ in range(_ROUNDS):
         for key in large:
             room[key] = _out_of_walls(room[key], walls)
@@ -123,6 +128,36 @@ def resolve_overlaps(
         if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
             notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
     return room, notes
+
+
+def _stands_within(room: Mapping[str, PoseHypothesis], key: str, within_m: float) -> bool:
+    """Return whether a thing is over the floor or over a top that is about as high as its bottom."""
+    return is_on_one(room[key], tops_of(one for other, one in room.items() if other != key), within_m)
+
+
+def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
+    """Let the nearest table whose top is as high as a thing's bottom, and ends before it, reach below its middle."""
+    thing, best = room[key], (_GROWN_M, "", np.zeros(2))
+    margin_m = _ON_TOP * min(thing.size_m[:2]) / 2 + 2 * _EDGE_M
+    for name, piece in room.items():
+        is_table = kind_of(piece.entry.category, 0.0) is Kind.SUPPORT and piece.bottom_m == 0.0
+        if not is_table or abs(piece.size_m[2] - thing.bottom_m) > SAME_HEIGHT_M:
+            continue
+        local = rotation_z(piece.yaw_rad)[:2, :2].T @ [thing.x_m - piece.x_m, thing.y_m - piece.y_m]
+        out = np.maximum(np.abs(local) + margin_m - np.divide(piece.size_m[:2], 2), 0.0)
+        if float(out.max()) < best[0]:
+            best = float(out.max()), name, np.copysign(out, local)
+    out_m, name, out = best
+    if not name or out_m == 0.0:
+        return
+    piece = room[name]
+    length, width, height = piece.size_m
+    sides = length + abs(float(out[0])), width + abs(float(out[1]))
+    grown = replace(piece, size_m=(*sides, height))
+    if raycaster_of(grown) is None:
+        slab = replace(GENERIC["generic_slab_on_legs"], category=piece.entry.category)
+        grown = replace(grown, entry=slab, parameters=())
+    room[name] = _shifted(grown, rotation_z(piece.yaw_rad)[:2, :2] @ out / 2)
 
 
 def _footprint(guess: PoseHypothesis) -> Footprint:

@@ -28,6 +28,7 @@ from executor.photo.room.estimate import RoomEstimate
 LEAST_IN_BOX = 0.5
 """IoU of a box with the visible part of its fit: with less, something else is fitted, or elsewhere."""
 
+_FLAT = 0.25  # Of its narrower side: what is lower is a magazine or a plate, and no open box.
 _HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
@@ -153,8 +154,11 @@ class RoomFitter:
 
 
 def _of_size(found: Fit, detection: Detection) -> Fit:
-    """Return a fit with the size that a person gave; as a box where its model has no such size."""
+    """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow."""
     if detection.size_m is None:
+        *sides, height = found.guess.size_m
+        if found.guess.entry.model == "generic_open_box" and height < _FLAT * min(sides):
+            return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
     guess = replace(found.guess, size_m=detection.size_m)
     if raycaster_of(guess) is None:
