@@ -58,17 +58,9 @@ _HANGS_M = 0.2  # A top that is nearer is likelier than a wall.
 _STEP_M, _TURNS = 0.03, 16  # Of places around one that is taken.
 
 
-@dataclass(frozen=True)
-class _Yield:
-    """How far a thing yields to others: shares of its depth along the view and of its other sides, and its way."""
-
-    deep: float
-    wide: float
-    reach_m: float
-
-
-_YIELDS = (_Yield(1.0, 1.0, 0.3), _Yield(0.5, 1.0, 0.4), _Yield(0.4, 0.7, 0.6), _Yield(0.25, 0.4, 2.0))
-"""Until physics accepts it."""
+_YIELDS = ((1.0, 1.0, 0.3), (0.5, 1.0, 0.4), (0.4, 0.7, 0.6), (0.25, 0.4, 2.0))
+"""How far a thing yields until physics accepts it: shares of its depth along the view and of its other sides, and its
+way [m]."""
 
 
 def resolve_overlaps(
@@ -93,7 +85,8 @@ def resolve_overlaps(
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
     for key in small:
-        if key not in hung and not _stands_within(room, key, same_height_m):
+        others = (one for other, one in room.items() if other != key)
+        if key not in hung and not is_on_one(room[key], tops_of(others), same_height_m):
             _let_carry(room, key)
     for _ in range(_ROUNDS):
         for key in large:
@@ -128,11 +121,6 @@ def resolve_overlaps(
         if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
             notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
     return room, notes
-
-
-def _stands_within(room: Mapping[str, PoseHypothesis], key: str, within_m: float) -> bool:
-    """Return whether a thing is over the floor or over a top that is about as high as its bottom."""
-    return is_on_one(room[key], tops_of(one for other, one in room.items() if other != key), within_m)
 
 
 def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
@@ -383,7 +371,7 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
         elif changed[thing.id] == len(_YIELDS):
             room = room.without(thing, LostCause.NO_ROOM, made.refused)
         else:
-            guess = _yielding(thing, made.scene, _YIELDS[changed[thing.id]])
+            guess = _yielding(thing, made.scene, *_YIELDS[changed[thing.id]])
             changed[thing.id] += 1
             other = replace(thing, fit=replace(thing.fit, guess=guess))
             room = replace(room, things=tuple(other if one is thing else one for one in room.things))
@@ -401,21 +389,21 @@ def _clear_walls(scene: Scene, walls: tuple[Wall, ...]) -> tuple[Wall, ...]:
     return tuple(itertools.compress(walls, clear))
 
 
-def _yielding(thing: FittedThing, scene: Scene, how: _Yield) -> PoseHypothesis:
+def _yielding(thing: FittedThing, scene: Scene, deep_share: float, wide_share: float, reach_m: float) -> PoseHypothesis:
     """Return a fit that physics refuses as a narrower box, where nothing else is; the front stays what is measured."""
     guess, obj = thing.fit.guess, scene.objects[thing.id]
     x, y, z = obj.position
     guess = replace(guess, x_m=x, y_m=y, bottom_m=max(0.0, z - guess.size_m[2] / 2))
-    if how.deep < 1.0:
+    if deep_share < 1.0:
         away = math.atan2(y, x) - guess.yaw_rad
         deep, (length, width, height) = int(abs(math.sin(away)) > abs(math.cos(away))), guess.size_m
-        sides = [how.wide * length, how.wide * width]
-        sides[deep] *= how.deep / how.wide
+        sides = [wide_share * length, wide_share * width]
+        sides[deep] *= deep_share / wide_share
         if guess.entry.model not in GENERIC:
             box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
             guess = replace(guess, entry=box, parameters=())
-        guess = replace(guess, size_m=(sides[0], sides[1], how.wide * height))
-    return _at_rest(guess, thing.id, scene, how.reach_m) or guess
+        guess = replace(guess, size_m=(sides[0], sides[1], wide_share * height))
+    return _at_rest(guess, thing.id, scene, reach_m) or guess
 
 
 def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> PoseHypothesis | None:
