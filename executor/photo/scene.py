@@ -85,8 +85,8 @@ def resolve_overlaps(
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
     for key in small:
-        others = (one for other, one in room.items() if other != key)
-        if key not in hung and not is_on_one(room[key], tops_of(others), same_height_m):
+        tops = tops_of(one for other, one in room.items() if other != key)
+        if key not in hung and not is_on_one(room[key], tops, same_height_m):
             _let_carry(room, key)
     for _ in range(_ROUNDS):
         for key in large:
