@@ -121,13 +121,13 @@ def fit_hung(
         entries: Candidate models, the likeliest first; a box is among them.
         far_m: Distance of its middle along the floor; measured depth decides.
     """
-    seen, (x0, y0, x1, y1) = around.observation, box_px
+    view, (x0, y0, x1, y1) = around.observation, box_px
     window = np.s_[round(y0) : max(round(y1), round(y0) + 1), round(x0) : max(round(x1), round(x0) + 1)]
-    ray = seen.rays[min(int((y0 + y1) / 2), seen.size_px[1] - 1), min(int((x0 + x1) / 2), seen.size_px[0] - 1)]
-    measured = seen.z_m[window][seen.measured[window]]
+    ray = view.rays[min(int((y0 + y1) / 2), view.size_px[1] - 1), min(int((x0 + x1) / 2), view.size_px[0] - 1)]
+    measured = view.z_m[window][view.measured[window]]
     along_m = float(np.median(measured)) if len(measured) else far_m / max(float(np.linalg.norm(ray[:2])), 1e-6)
-    x, y, z = (float(value) for value in seen.eye_m + along_m * ray)
-    wide_m, high_m = (x1 - x0) / seen.K.fx * along_m, (y1 - y0) / seen.K.fy * along_m
+    x, y, z = (float(value) for value in view.eye_m + along_m * ray)
+    wide_m, high_m = (x1 - x0) / view.K.fx * along_m, (y1 - y0) / view.K.fy * along_m
     away = math.atan2(y, x)
     turns = [heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)]
     yaw = min(turns or [away], key=lambda turn: abs(math.remainder(turn - away, 2 * math.pi)))

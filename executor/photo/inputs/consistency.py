@@ -96,8 +96,8 @@ def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple
         moved = f"{scale:.2f} times as large, moved by {100 * across:.0f} % across and {100 * down:.0f} % down"
         problem = f"is of another camera than the picture: its edges are the picture's when it is {moved}"
         if abs(math.log(scale)) < _NEIGHBOUR and max(abs(across), abs(down)) < _NEIGHBOUR:
-            said = f"{depth.source}: {problem}; it is made so, and sizes and places are off by some per cent"
-            return replace(depth, z_m=_scaled(depth.z_m, scale, (down, across))), (said,)
+            doubt = f"{depth.source}: {problem}; it is made so, and sizes and places are off by some per cent"
+            return replace(depth, z_m=_scaled(depth.z_m, scale, (down, across))), (doubt,)
         hint = "give the depth as the picture's own camera has it (registered), of the same field of view"
         raise PhotoRefused("depth", depth.source, problem, hint)
     if as_is.here < _NOTHING:
