@@ -3,7 +3,7 @@
     python -m benchmarks.pictures.fetch runs/pictures
     python -m benchmarks.pictures.fetch runs/pictures --from mirror      # mirror/OWNER/REPOSITORY/PATH
 
-Each picture becomes ID.png or ID.jpg, its depth ID_depth.png (or .pgm), its intrinsics ID_camera.json. Size and SHA-256
+Each picture becomes ID.png or ID.jpg, its depth ID_depth.png (.pgm, .npy), its intrinsics ID_camera.json. Size and hash
 of every file are known beforehand; what differs is not kept. A file that is there, and right, is not fetched again.
 """
 
@@ -31,7 +31,7 @@ _MOST_BYTES = 16_000_000
 _ID = re.compile(r"[a-z][a-z0-9_]*")
 _REPOSITORY = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
-_SUFFIXES = (".png", ".jpg", ".pgm")
+_SUFFIXES = (".png", ".jpg", ".pgm", ".npy")
 
 Json = Mapping[str, Any]
 
@@ -53,7 +53,7 @@ def file_names(entry: Json) -> dict[str, str]:
     names = {}
     for kind, end in (("color", ""), ("depth", "_depth")):
         if kind in entry:
-            suffix = _inside(entry[kind]["path"]).suffix
+            suffix = _inside(entry[kind]["path"]).suffix.lower()
             if suffix not in _SUFFIXES:
                 raise NotFetched(f"{entry['id']}: {suffix} is no form of a picture")
             names[kind] = f"{entry['id']}{end}{suffix}"

@@ -11,7 +11,6 @@ from bddl.errors import Scene2DemoError
 class LostCause(Enum):
     """Why something with a box is not in the scene; the value is half a sentence for people."""
 
-    NO_PLACE = "its box ends above the horizon of everything that it may stand on"
     NO_ROOM = "the scene cannot be with it"
     NO_TIME = "it was not fitted before Ctrl-C"
 

@@ -154,7 +154,7 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     # A network's depth belongs to the picture, and is distorted.
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
-        doubts = depth_doubts(shown, measured, intrinsics)
+        measured, doubts = depth_doubts(shown, measured, intrinsics)
     # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
     # found.
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from executor.assets.footprint import Footprint, overlap_depth_m, region_frame, 
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.photo.errors import LostCause
-from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
 from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
@@ -30,6 +30,7 @@ from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import about_z
+from oag.model.symbols import Kind, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
@@ -46,17 +47,27 @@ _EDGE_M, _EDGE_STEPS = 0.004, 24
 _HIGHER_M = 0.002
 _NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top beside it.
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
+_GUESSED_FAR_M = 1.5  # Without depth it was fitted to a top's height, and may be off by the error of both sizes.
+_GROWN_M = 1.0  # A table is fitted to what is visible of it: things at the height of its top are on it so far off.
 _ON_ITEM, _ON_TOP = 0.7, 0.4
 """Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
 
 _REPORTED_M = 0.005
-_SHRUNK, _SHRINKAGE = 3, 0.7
-"""How often a thing is made plainer or narrower until physics accepts it, before it is left out, and how much
-narrower."""
+_IN_WALL_M = 0.003
+_HANGS_M = 0.2  # A top that is nearer is likelier than a wall.
+_STEP_M, _TURNS = 0.03, 16  # Of places around one that is taken.
+
+
+_YIELDS = ((1.0, 1.0, 0.3), (0.5, 1.0, 0.4), (0.4, 0.7, 0.6), (0.25, 0.4, 2.0))
+"""How far a thing yields until physics accepts it: shares of its depth along the view and of its other sides, and its
+way [m]."""
 
 
 def resolve_overlaps(
-    guesses: Mapping[str, PoseHypothesis], walls: Sequence[Wall], same_height_m: float = SAME_HEIGHT_M
+    guesses: Mapping[str, PoseHypothesis],
+    walls: Sequence[Wall],
+    same_height_m: float = SAME_HEIGHT_M,
+    hung: Collection[str] = (),
 ) -> tuple[dict[str, PoseHypothesis], list[str]]:
     """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
 
@@ -64,6 +75,7 @@ def resolve_overlaps(
         guesses: id -> pose hypothesis.
         walls: The walls.
         same_height_m: Tolerance between an object and the top that it stands on.
+        hung: Furniture among them that stays where it is.
     """
     room = dict(guesses)
     large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0]
@@ -72,6 +84,10 @@ def resolve_overlaps(
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
+    for key in small:
+        tops = tops_of(one for other, one in room.items() if other != key)
+        if key not in hung and not is_on_one(room[key], tops, same_height_m):
+            _let_carry(room, key)
     for _ in range(_ROUNDS):
         for key in large:
             room[key] = _out_of_walls(room[key], walls)
@@ -80,13 +96,16 @@ def resolve_overlaps(
                 room[key], room[other] = _apart(room[key], room[other])
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
+    farthest_m = _FARTHEST_M if same_height_m <= SAME_HEIGHT_M else _GUESSED_FAR_M
     notes = []
     for key in small:
         others = {other: room[other] for other in room if other != key}
-        room[key] = _on_its_top(room[key], others, same_height_m)
+        if key in hung and not is_item(room[key]):
+            continue
+        room[key] = _on_its_top(room[key], others, same_height_m, farthest_m)
         if is_item(room[key]) and not _stands(room[key], others):
             # Its support may end too early: where nothing is below it, a near top is likelier than the floor.
-            room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M)
+            room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M, farthest_m)
         if is_item(room[key]) and not _stands(room[key], others):
             room[key] = _put_down(room[key], list(others.values()))
             notes.append(f"{key} stands on nothing that has a box; it was put down")
@@ -102,6 +121,31 @@ def resolve_overlaps(
         if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
             notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
     return room, notes
+
+
+def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
+    """Let the nearest table whose top is as high as a thing's bottom, and ends before it, reach below its middle."""
+    thing, best = room[key], (_GROWN_M, "", np.zeros(2))
+    margin_m = _ON_TOP * min(thing.size_m[:2]) / 2 + 2 * _EDGE_M
+    for name, piece in room.items():
+        is_table = kind_of(piece.entry.category, 0.0) is Kind.SUPPORT and piece.bottom_m == 0.0
+        if not is_table or abs(piece.size_m[2] - thing.bottom_m) > SAME_HEIGHT_M:
+            continue
+        local = rotation_z(piece.yaw_rad)[:2, :2].T @ [thing.x_m - piece.x_m, thing.y_m - piece.y_m]
+        out = np.maximum(np.abs(local) + margin_m - np.divide(piece.size_m[:2], 2), 0.0)
+        if float(out.max()) < best[0]:
+            best = float(out.max()), name, np.copysign(out, local)
+    out_m, name, out = best
+    if not name or out_m == 0.0:
+        return
+    piece = room[name]
+    length, width, height = piece.size_m
+    sides = length + abs(float(out[0])), width + abs(float(out[1]))
+    grown = replace(piece, size_m=(*sides, height))
+    if raycaster_of(grown) is None:
+        slab = replace(GENERIC["generic_slab_on_legs"], category=piece.entry.category)
+        grown = replace(grown, entry=slab, parameters=())
+    room[name] = _shifted(grown, rotation_z(piece.yaw_rad)[:2, :2] @ out / 2)
 
 
 def _footprint(guess: PoseHypothesis) -> Footprint:
@@ -222,7 +266,9 @@ def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
     return thing.bottom_m > other.bottom_m + _HIGHER_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
 
 
-def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float) -> PoseHypothesis:
+def _on_its_top(
+    guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float, farthest_m: float
+) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
     On an item, such as a saucer, its middle is enough.
@@ -246,7 +292,7 @@ def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], sam
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
             by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
-            if aside_m < (min(other.size_m[:2]) / 2 if on_item else _FARTHEST_M) and (best is None or by_m < best[0]):
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
     return guess if best is None else best[1]
@@ -300,7 +346,8 @@ class MadeScene:
 def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT_M) -> tuple[FittedRoom, MadeScene]:
     """Return the room that fits in a scene, and its scene: without overlaps, with facts, settled in physics.
 
-    A thing that physics refuses becomes a box of its size, then a narrower one; if that does not help, it is left out.
+    Walls that reach into things are left out. A thing that physics refuses goes to the nearest free place, then as a
+    narrower box: a label is a fact, and only what fits nowhere is left out.
 
     Args:
         found: The fits.
@@ -311,20 +358,22 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
         return found, MadeScene(None, "nothing is in it", (), {})
     made = first = made_of(found, found.guesses, name, same_height_m=same_height_m)
     room, changed = found, Counter[str]()
-    for _ in range((_SHRUNK + 1) * len(found.things) + 1):
+    for _ in range((len(_YIELDS) + 1) * len(found.things) + 2):
+        if not made.refused:
+            return room, made
         thing = next((one for one in room.things if one.id == made.culprit), None)
-        if not made.refused or (thing is None and not room.walls):
+        walls = () if thing is None or made.scene is None else _clear_walls(made.scene, room.walls)
+        if walls != room.walls:
+            # A wall is a plane among points; what has a box is a fact.
+            room = replace(room, walls=walls)
+        elif thing is None or made.scene is None:
             break
-        if thing is None:
-            # Planes that were taken for walls meet in each other, or nothing else is to blame.
-            room = replace(room, walls=())
-            made = made_of(room, room.guesses, name, same_height_m=same_height_m)
-            continue
-        changed[thing.id] += 1
-        if changed[thing.id] > _SHRUNK:
+        elif changed[thing.id] == len(_YIELDS):
             room = room.without(thing, LostCause.NO_ROOM, made.refused)
         else:
-            other = replace(thing, fit=replace(thing.fit, guess=_plainer(thing)))
+            guess = _yielding(thing, made.scene, *_YIELDS[changed[thing.id]])
+            changed[thing.id] += 1
+            other = replace(thing, fit=replace(thing.fit, guess=guess))
             room = replace(room, things=tuple(other if one is thing else one for one in room.things))
         if not room.things:
             break
@@ -332,14 +381,61 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
     return (found, first) if made.refused else (room, made)
 
 
-def _plainer(thing: FittedThing) -> PoseHypothesis:
-    """Return a fit as a box of its size; a generic shape as a narrower one."""
-    guess = thing.fit.guess
-    if guess.entry.model in GENERIC:
-        length, width, height = guess.size_m
-        return replace(guess, size_m=(_SHRINKAGE * length, _SHRINKAGE * width, height))
-    box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
-    return replace(guess, entry=box, parameters=())
+def _clear_walls(scene: Scene, walls: tuple[Wall, ...]) -> tuple[Wall, ...]:
+    """Return the walls that no object reaches into."""
+    things = [solid_parts(obj) for obj in scene.objects.values() if obj.category != "wall"]
+    planes = [solid_parts(scene.objects[f"wall_{number}"]) for number in range(len(walls))]
+    clear = (all(overlap_depth_m(one, parts) <= _IN_WALL_M for one in things) for parts in planes)
+    return tuple(itertools.compress(walls, clear))
+
+
+def _yielding(thing: FittedThing, scene: Scene, deep_share: float, wide_share: float, reach_m: float) -> PoseHypothesis:
+    """Return a fit that physics refuses as a narrower box, where nothing else is; the front stays what is measured."""
+    guess, obj = thing.fit.guess, scene.objects[thing.id]
+    x, y, z = obj.position
+    guess = replace(guess, x_m=x, y_m=y, bottom_m=max(0.0, z - guess.size_m[2] / 2))
+    if deep_share < 1.0:
+        away = math.atan2(y, x) - guess.yaw_rad
+        deep, (length, width, height) = int(abs(math.sin(away)) > abs(math.cos(away))), guess.size_m
+        sides = [wide_share * length, wide_share * width]
+        sides[deep] *= deep_share / wide_share
+        if guess.entry.model not in GENERIC:
+            box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
+            guess = replace(guess, entry=box, parameters=())
+        guess = replace(guess, size_m=(sides[0], sides[1], wide_share * height))
+    return _at_rest(guess, thing.id, scene, reach_m) or guess
+
+
+def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> PoseHypothesis | None:
+    """Return the nearest place at which a thing is in nothing else, over a top or the floor; None within reach.
+
+    Furniture may hang where it is, if no top is near.
+    """
+    others = [obj for name, obj in scene.objects.items() if name != key]
+    solids = [(Footprint.of(obj), solid_parts(obj)) for obj in others]
+    floor = 0.0 if is_item(guess) else guess.bottom_m
+    hangs_m = _HANGS_M if floor > 0.0 else 0.0
+    places: list[tuple[float, np.ndarray, np.ndarray]] = [(floor, np.eye(4), np.full(2, math.inf))]
+    for obj in others if is_item(guess) or hangs_m else ():
+        for region in asset_for(obj).regions:
+            if region.kind == "surface":
+                T, half = region_frame(obj, region)
+                places.append((float(T[2, 3]), T, np.asarray(half)))
+    turns = np.linspace(0.0, 2.0 * math.pi, _TURNS, endpoint=False)
+    steps = [(0.0, 0.0), *((r, turn) for r in np.arange(_STEP_M, reach_m, _STEP_M) for turn in turns)]
+    tried = []
+    for (by_m, turn), (height_m, T, half) in itertools.product(steps, places):
+        at = np.array([guess.x_m + by_m * math.cos(turn), guess.y_m + by_m * math.sin(turn)])
+        if (np.abs(T[:2, :2].T @ (at - T[:2, 3])) <= half - _EDGE_M).all():
+            cost_m = by_m + abs(height_m - guess.bottom_m) + (hangs_m if math.isinf(half[0]) else 0.0)
+            tried.append((cost_m, float(at[0]), float(at[1]), height_m))
+    for _, x, y, height_m in sorted(tried):
+        moved = replace(guess, x_m=x, y_m=y, bottom_m=height_m)
+        own, parts = _footprint(moved), solid_parts(moved.as_object())
+        near = (theirs for outline, theirs in solids if own.depth_m(outline) > 0.0)
+        if all(overlap_depth_m(parts, theirs) <= _CLEARANCE_M for theirs in near):
+            return moved
+    return None
 
 
 def made_of(
@@ -353,7 +449,8 @@ def made_of(
         name: Name of the scene.
         same_height_m: Tolerance between an object and the top that it stands on.
     """
-    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m)
+    hung = {thing.id for thing in found.things if thing.fit.hangs}
+    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung)
     names = {
         thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]))
         for thing in found.things

@@ -48,7 +48,7 @@ from executor.rollouts.feasibility import feasible
 from executor.rollouts.goals import judge, judge_at_rest
 from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.file import scene_for
-from executor.scenes.validation import require_valid
+from executor.scenes.validation import MOST_FALL_M, require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
 from executor.system.files import read_json, write_json
@@ -142,8 +142,8 @@ def _picture_of(entry: Mapping[str, Any], annotations: Path, folder: Path) -> Re
     return RealPicture(
         name,
         entry["half"],
-        folder / f"{name}{Path(entry['color']['path']).suffix}",
-        None if depth is None else folder / f"{name}_depth{Path(depth['path']).suffix}",
+        folder / f"{name}{Path(entry['color']['path']).suffix.lower()}",
+        None if depth is None else folder / f"{name}_depth{Path(depth['path']).suffix.lower()}",
         folder / f"{name}_camera.json",
         None if depth is None else float(depth["unit_m"]),
         entry.get("level", {}),
@@ -344,10 +344,11 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
 
 
 def _stands(scene: Scene, made: Mapping[str, str]) -> dict[str, str]:
-    """Return id -> relation and support as an annotation has them; what stands on nothing is on the floor."""
+    """Return id -> relation and support as an annotation has them; what is on nothing hangs, or is on the floor."""
     names = {key: name for name, key in made.items()}
     relations = {"ontop": "on", "inside": "inside"}
-    found = {key: f"on {FLOOR}" for key in scene.objects}
+    hung = {key for key, obj in scene.objects.items() if obj.position[2] - obj.bbox_extent[2] / 2 > MOST_FALL_M}
+    found = {key: "on wall" if key in hung else f"on {FLOOR}" for key in scene.objects}
     for fact in scene.facts:
         for literal in bddl.literals(fact) or ():
             relation = relations.get(literal.atom.predicate)

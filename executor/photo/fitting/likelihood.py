@@ -323,6 +323,7 @@ class Fit:
         in_box: IoU of its box with the box around its visible part; 1 until it is computed.
         assumed: If none of its sides are visible, the assumption made, for people.
         rough: Whether it is only the likeliest start of a search.
+        hangs: Whether no ray meets a support below it.
     """
 
     guess: PoseHypothesis
@@ -336,6 +337,7 @@ class Fit:
     in_box: float = 1.0
     assumed: str = ""
     rough: bool = False
+    hangs: bool = False
 
     @property
     def likelier(self) -> float:

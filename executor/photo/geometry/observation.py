@@ -250,7 +250,7 @@ def floor_below(
 ) -> FloorPlane:
     """Return the floor by the level planes of the depth.
 
-    It is the lowest plane, unless that is a table's top: it lies in the box of a table, or near below the camera. A
+    It is the lowest plane, unless that is a table's top: it lies in the boxes of tables, or near below the camera. A
     given height decides.
 
     Args:
@@ -271,6 +271,8 @@ def floor_below(
     if lowest.height_m > HEIGHTS_M[1]:
         problem = f"no floor is seen in it: the lowest level plane is {lowest.height_m:.2f} m below the camera"
         raise PhotoRefused("floor", source, problem, f"expected at most {HEIGHTS_M[1]:g} m; {_SHOW_IT}")
+    if small := _small_floor(found, lowest, things):
+        return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
     carrier = _carrier(found, things)
     if given_m is not None:
         nearest = min(found.planes, key=lambda one: abs(one.height_m - given_m))
@@ -296,6 +298,16 @@ def unnamed_top(found: LevelPlanes | None, floor: FloorPlane, things: Sequence[D
 
 def _lowest(found: LevelPlanes) -> LevelPlane:
     return next((one for one in found.planes if one.area_m2 >= _LEAST_FLOOR_M2), found.planes[0])
+
+
+def _small_floor(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detection]) -> LevelPlane | None:
+    """Return the small plane far below the lowest large one, if that one is of tops: it lies in boxes of things."""
+    under = [one for one in found.planes if one.height_m > lowest.height_m + _LEAST_LOWER_M]
+    u, v = lowest.pixels.T
+    boxed = np.zeros(len(u), dtype=bool)
+    for x0, y0, x1, y1 in (one.box_px for one in things):
+        boxed |= (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1)
+    return max(under, key=lambda one: one.area_m2) if under and boxed.mean() >= _ON_TOP else None
 
 
 def _carrier(found: LevelPlanes, things: Sequence[Detection]) -> Detection | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ lead over the unchanged depth. On 16 pictures, ten of them real, right depths ha
 
 _NOTHING = 4.0
 _SCALES = tuple(float(scale) for scale in np.geomspace(0.5, 2.0, 29))
+_NEIGHBOUR = 0.15  # Of two lenses of one camera, as a logarithm of scale and as a share of the sides.
 _SAME_SCALE, _SAME_PLACE = 0.07, 0.025  # As a logarithm, and as a share of the sides: less is no other camera.
 _APART, _BENT_SHARE, _STRAIGHTER = 0.2, 0.05, 0.7
 """Over a fifth of a picture the flattest twentieth of a room is flat: in right depths 1.5 to 100 times as flat as when
@@ -57,8 +58,10 @@ _LEAST_BOXES = 2  # One box alone may end at any edge.
 _ALONG = 40  # Places along each side of a box.
 
 
-def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple[str, ...]:
-    """Return evidence that a measured depth does not belong to a picture, as sentences, if it is not conclusive.
+def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple[Depth, tuple[str, ...]]:
+    """Return the depth, and evidence that it does not belong to the picture, as sentences, if it is not conclusive.
+
+    A depth of the neighbouring lens of one camera, little larger or smaller than the picture, is scaled onto it.
 
     Args:
         picture, depth, camera: The input; the depth has the picture's size.
@@ -70,7 +73,7 @@ def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple
     _require_depths(depth, camera, inverse)
     colours, measured = _edges(_picture_steps(picture.rgb)), _depth_steps(inverse)
     if not colours.any() or not measured.any():
-        return ()
+        return depth, ()
     as_is = _agreement(colours, _edges(measured))
     turned = {
         name: _agreement(colours, _edges(_shaped(turn(measured), measured.shape))) for name, turn in _TURNS.items()
@@ -92,11 +95,15 @@ def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple
         _, scale, (across, down) = max(found)
         moved = f"{scale:.2f} times as large, moved by {100 * across:.0f} % across and {100 * down:.0f} % down"
         problem = f"is of another camera than the picture: its edges are the picture's when it is {moved}"
+        if abs(math.log(scale)) < _NEIGHBOUR and max(abs(across), abs(down)) < _NEIGHBOUR:
+            doubt = f"{depth.source}: {problem}; it is made so, and sizes and places are off by some per cent"
+            return replace(depth, z_m=_scaled(depth.z_m, scale, (down, across))), (doubt,)
         hint = "give the depth as the picture's own camera has it (registered), of the same field of view"
         raise PhotoRefused("depth", depth.source, problem, hint)
     if as_is.here < _NOTHING:
-        return ("the edges of the depth are not where the picture has edges: are both of one camera and moment?",)
-    return ()
+        doubt = "the edges of the depth are not where the picture has edges: are both of one camera and moment?"
+        return depth, (doubt,)
+    return depth, ()
 
 
 def box_doubts(path: Path, boxes: Sequence[Box], picture: Photograph) -> tuple[str, ...]:
@@ -265,9 +272,12 @@ def _shaped(values: Array, shape: tuple[int, ...]) -> Array:
     return np.asarray(values[rows][:, columns])
 
 
-def _scaled(values: Array, scale: float) -> Array:
-    """Enlarge the content of cells from the middle, with nothing beyond its border."""
-    at = [(np.arange(side) + 0.5 - side / 2) / scale + side / 2 for side in values.shape]
+def _scaled(values: Array, scale: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Enlarge cells or pixels from the middle and move them, down and across, with nothing beyond their border."""
+    at = [
+        (np.arange(side) + 0.5 - side / 2 - by * side) / scale + side / 2
+        for side, by in zip(values.shape, shift, strict=True)
+    ]
     rows, columns = (np.clip(one.astype(int), 0, side - 1) for one, side in zip(at, values.shape, strict=True))
     inside = [(one >= 0) & (one < side) for one, side in zip(at, values.shape, strict=True)]
     return np.where(inside[0][:, None] & inside[1], values[rows][:, columns], 0.0)

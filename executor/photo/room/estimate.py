@@ -31,6 +31,7 @@ _MOST = 3
 _MISJUDGED_M, _MOST_HALF_M = 0.5, 0.15
 _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
+_FLAT = 0.35  # Share of its narrower side: what is lower is hardly in front of what stands on it.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 
 
@@ -299,7 +300,19 @@ class RoomEstimate:
             low_m = float(np.percentile(points[:, 2], 5.0))
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
             return [min(given, key=lambda one: abs(one - low_m))] if given else heights_under(points, tops)
+        support = self._beneath(detection) if support is None else support
         return heights_behind(self.observation, detection, tops, None if support is None else support.guess)
+
+    def _beneath(self, detection: Detection) -> Fit | None:
+        """Return the fit of the flat thing, such as a plate, in whose box another one ends; the smallest of several."""
+        x0, _, x1, y1 = detection.box_px
+        flat = {}
+        for index, fit in self.fits.items():
+            left, top, right, bottom = box = self.detections[index].box_px
+            is_in = left < (x0 + x1) / 2 < right and top < y1 < bottom
+            if is_in and is_item(fit.guess) and fit.guess.size_m[2] < _FLAT * min(fit.guess.size_m[:2]):
+                flat[(box[2] - box[0]) * (box[3] - box[1])] = fit
+        return flat[min(flat)] if flat else None
 
     def _near(self) -> Neighbourhood:
         guesses = (fit.guess for fit in self.fits.values())

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import (
     assess_fit,
     fills_picture,
     fit_beneath,
+    fit_hung,
     fit_thing,
     update_fit,
 )
@@ -27,6 +28,8 @@ from executor.photo.room.estimate import RoomEstimate
 LEAST_IN_BOX = 0.5
 """IoU of a box with the visible part of its fit: with less, something else is fitted, or elsewhere."""
 
+_FLAT = 0.25  # Of its narrower side: what is lower is a magazine or a plate, and no open box.
+_HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -68,7 +71,7 @@ class RoomFitter:
                 best = found
                 break
         if best is None:
-            room.lost[index] = LostCause.NO_PLACE
+            best = self._hung(index, around)
         return room.add_fit(index, best)
 
     def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
@@ -79,11 +82,7 @@ class RoomFitter:
             bottoms_m: As for `fit`.
         """
         room = self.room
-        found = next(self._fits(index, bottoms_m, (), rough=True), None)
-        if found is None:
-            room.lost[index] = LostCause.NO_PLACE
-            room.add_fit(index, None)
-            return
+        found = next(self._fits(index, bottoms_m, (), rough=True), None) or self._hung(index, room.around(index))
         room.add_fit(index, _of_size(found, room.detections[index]))
         room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
 
@@ -125,6 +124,19 @@ class RoomFitter:
             if found is not None:
                 yield found
 
+    def _hung(self, index: int, around: SearchContext) -> Fit:
+        """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture."""
+        room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
+        under = []
+        for other, fit in room.fits.items():
+            left, top, right, bottom = room.detections[other].box_px
+            aside_px = max(0.0, left - x1, x0 - right)
+            under.append((aside_px, max(0.0, top - y1) if bottom > y1 else math.inf, fit.guess))
+        _, _, below = min(under, key=lambda one: one[:2], default=(0.0, 0.0, None))
+        far_m = _HUNG_M if below is None else math.hypot(below.x_m, below.y_m)
+        entries = [*_models(room.detections[index]), *generic_models(room.detections[index])]
+        return fit_hung(around, room.detections[index].box_px, entries, far_m)
+
     def _feet(self, index: int, entry: ModelEntry) -> Array:
         """Return (N, 2) where the other boxes end on the top of a support of usual size."""
         others = [one.box_px for number, one in enumerate(self.room.detections) if number != index]
@@ -142,8 +154,11 @@ class RoomFitter:
 
 
 def _of_size(found: Fit, detection: Detection) -> Fit:
-    """Return a fit with the size that a person gave; as a box where its model has no such size."""
+    """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow."""
     if detection.size_m is None:
+        *sides, height = found.guess.size_m
+        if found.guess.entry.model == "generic_open_box" and height < _FLAT * min(sides):
+            return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
     guess = replace(found.guess, size_m=detection.size_m)
     if raycaster_of(guess) is None:

@@ -89,10 +89,10 @@ def enlarged(z_m: Array, by: float) -> Array:
 @pytest.mark.parametrize("case", [drawn, planes, garage])
 def test_a_right_depth_is_taken(case: Callable[[], Case]) -> None:
     picture, z_m, camera = case()
-    assert depth_doubts(picture, Depth(z_m, "depth.png"), camera) == ()
+    assert depth_doubts(picture, Depth(z_m, "depth.png"), camera)[1] == ()
     holes = np.random.default_rng(1).random(z_m.shape) < 0.2
     noisy = z_m + np.random.default_rng(2).normal(size=z_m.shape) * 0.012 * z_m
-    assert depth_doubts(picture, Depth(np.where(holes, 0.0, noisy), "depth.png"), camera) == ()
+    assert depth_doubts(picture, Depth(np.where(holes, 0.0, noisy), "depth.png"), camera)[1] == ()
 
 
 @pytest.mark.parametrize("case", [drawn, planes, garage])
@@ -124,18 +124,27 @@ def test_a_depth_of_a_camera_with_another_lens_is_refused(case: Callable[[], Cas
     assert scale * by == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("case", [drawn, garage])
+def test_a_depth_of_the_neighbouring_lens_is_laid_over_the_picture(case: Callable[[], Case]) -> None:
+    picture, z_m, camera = case()
+    laid, (said,) = depth_doubts(picture, Depth(enlarged(z_m, 1.1), "depth.png"), camera)
+    assert "of another camera than the picture" in said
+    both = (laid.z_m > 0.0) & (z_m > 0.0)
+    assert np.mean(np.abs(laid.z_m - z_m)[both] < 0.05 * z_m[both]) > 0.9
+
+
 def test_a_depth_of_another_moment_is_reported() -> None:
     picture, _, camera = drawn()
     elsewhere = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 2.6, 0.9, 0.5, 0.0, (0.6, 1.0, 1.2))
-    (said,) = depth_doubts(picture, Depth(seen_from_above(elsewhere, finer=2)[0].z_m, "depth.png"), camera)
+    _, (said,) = depth_doubts(picture, Depth(seen_from_above(elsewhere, finer=2)[0].z_m, "depth.png"), camera)
     assert "both of one camera and moment" in said
 
 
 def test_where_there_is_no_edge_nothing_is_reported() -> None:
     picture, z_m, camera = planes()
     grey = photograph(np.full_like(picture.rgb, 128))
-    assert depth_doubts(grey, Depth(z_m, "depth.png"), camera) == ()
-    assert depth_doubts(picture, Depth(np.full_like(z_m, 2.5), "depth.png"), camera) == ()
+    assert depth_doubts(grey, Depth(z_m, "depth.png"), camera)[1] == ()
+    assert depth_doubts(picture, Depth(np.full_like(z_m, 2.5), "depth.png"), camera)[1] == ()
 
 
 @pytest.mark.parametrize("shape", [(64, 4096), (4096, 64), (64, 64), (333, 517)])
@@ -144,7 +153,7 @@ def test_pictures_of_every_shape_are_compared(shape: tuple[int, int]) -> None:
     picture = photograph(rng.integers(0, 255, (*shape, 3), dtype=np.uint8))
     z_m = np.where(rng.random(shape) < 0.5, 0.0, rng.uniform(1.0, 4.0, shape))
     camera = Intrinsics(0.8 * shape[1], 0.8 * shape[1], shape[1] / 2, shape[0] / 2, "drawn")
-    assert len(depth_doubts(picture, Depth(z_m, "depth.png"), camera)) <= 1
+    assert len(depth_doubts(picture, Depth(z_m, "depth.png"), camera)[1]) <= 1
     assert len(box_doubts(Path("boxes.json"), [(1.0, 1.0, 9.0, 9.0), (5.0, 5.0, 16.0, 16.0)], picture)) <= 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,26 +20,28 @@ pytestmark = pytest.mark.skipif(_PACKAGE is None, reason="scikit-image, which ha
 PICTURES = Path(_PACKAGE.origin).parent / "data" if _PACKAGE is not None and _PACKAGE.origin else Path()
 COFFEE = {"cup": [172, 17, 411, 307], "dining table": [0, 0, 600, 400]}
 """Boxes as a detector finds them. The file says nothing of the lens: 40 degrees are taken for it."""
+_MOST_S = 120.0
 
 
 @pytest.mark.slow
 @pytest.mark.physics
 def test_a_cup_on_a_real_table_is_picked_up(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    began = time.process_time()
     things = [{"label": label, "box": box} for label, box in COFFEE.items()]
     (tmp_path / "boxes.json").write_text(json.dumps({"source": "by hand", "things": things}))
     given = ["--boxes", tmp_path / "boxes.json", "--camera", "hfov=40", "--out", tmp_path / "coffee"]
+    # Tilt and height as annotated: a scale is no longer guessed from a cup's usual width.
+    given += ["--tilt", 53, "--camera-height-m", 1.02]
     assert run(["photo", str(PICTURES / "coffee.png"), *map(str, given), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told["things"]) == {"cup_0", "dining_table_0"}
-    # It looks down steeply, from as near as one leans over a cup.
-    assert 40.0 < told["floor"]["camera_looks_down_deg"] < 70.0 and 0.7 < told["floor"]["camera_height_m"] < 1.2
     scene = json.loads((tmp_path / "coffee" / "scene.json").read_text())
     assert "(ontop cup_0 dining_table_0)" in scene["facts"]
-    assert "a cup as wide as usual" in scene["provenance"]["floor"]
     assert "not in the picture" in scene["provenance"]["dining_table_0"]["position"]
     where = ["--scene", str(tmp_path / "coffee" / "scene.json"), "--json"]
     assert run(["plan", "pick up the cup", *where]) == 0
     assert run(["run", "pick up the cup", *where, "--no-video", "--out", str(tmp_path / "run")]) == 0
+    assert time.process_time() - began < _MOST_S
 
 
 def test_the_floor_of_a_real_garage_is_found() -> None:

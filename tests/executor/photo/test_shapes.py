@@ -17,17 +17,16 @@ from executor.assets.asset_geometry import bounds
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array
-from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import PixelEvidence, colour_name, with_colour
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
-from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
+from executor.photo.room.estimate import RoomEstimate, heights_under, is_on_one, tops_of
 from executor.photo.room.fitter import LEAST_IN_BOX
 from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
-from executor.photo.scene import scene_of
+from executor.photo.scene import resolve_overlaps, scene_of
 from oag import SceneObject, compose
 from oag.model.symbols import Kind
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
@@ -131,12 +130,13 @@ def test_what_the_sensor_does_not_see_is_fitted_to_its_box() -> None:
     assert room.things[1].id == "vase_0" and room.things[1].fit.in_box > 0.7
 
 
-def test_a_box_above_every_horizon_is_lost_for_a_cause_that_programs_know() -> None:
+@pytest.mark.parametrize("label", ["can", "television", "wall cabinet", "statue"])
+def test_a_box_above_every_horizon_hangs_in_its_box(label: str) -> None:
     seen, _ = seen_from_above(TABLE)
     flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
-    above = Detection("can", "can", (20.0, 2.0, 30.0, 9.0), 1.0, "drawn")
+    above = Detection(label, plain_name(label), (20.0, 2.0, 30.0, 9.0), 1.0, "drawn")
     room = reconstruct(flat, [above], ())
-    assert room.things == () and [one.cause for one in room.unfitted] == [LostCause.NO_PLACE]
+    assert room.unfitted == () and room.things[0].fit.guess.bottom_m > 0.0
 
 
 @given(st.floats(-0.04, 0.04), st.floats(-0.04, 0.04))
@@ -158,6 +158,27 @@ def test_what_stands_on_nothing_that_has_a_box_is_put_down() -> None:
     _, made = scene_of(found, "drawn")
     assert made.refused == "" and made.scene is not None and "(ontop bowl_1 table_0)" in made.scene.to_json()["facts"]
     assert any("was put down" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 0.3])
+def test_what_physics_refuses_is_kept_where_it_is_free(aside_m: float) -> None:
+    sofa = PoseHypothesis(LIBRARY["sofa_two_seats"], 2.3, 0.0, 0.0, 0.0, (0.85, 1.7, 0.8))
+    pillow = replace(shape("generic_box", (0.4, 0.4, 0.35)), x_m=2.5, y_m=aside_m, bottom_m=0.3)
+    seen, (box, other) = seen_from_above(sofa, pillow)
+    found = known(seen, (box, sofa), (replace(other, label="pillow"), pillow))
+    room, made = scene_of(found, "drawn")
+    assert made.refused == "" and room.unfitted == () and [one.id for one in room.things] == list(found.guesses)
+
+
+@given(st.floats(0.1, 0.8), st.floats(-math.pi, math.pi))
+def test_a_table_reaches_below_what_stands_at_the_height_of_its_top(beyond_m: float, turn: float) -> None:
+    table = replace(TABLE, x_m=0.0, y_m=0.0, yaw_rad=turn)
+    out_m = TABLE.size_m[0] / 2 + beyond_m
+    item = shape("generic_box", (0.08, 0.08, 0.1), x_m=out_m * math.cos(turn), y_m=out_m * math.sin(turn))
+    found, _ = resolve_overlaps({"table": table, "item": replace(item, bottom_m=TABLE.size_m[2])}, ())
+    moved_m = math.dist((found["item"].x_m, found["item"].y_m), (item.x_m, item.y_m))
+    assert moved_m < 0.01
+    assert is_on_one(found["item"], tops_of([found["table"]])) and found["table"].size_m[1:] == TABLE.size_m[1:]
 
 
 def test_a_chair_stays_under_a_table() -> None:
