@@ -1,6 +1,7 @@
 // The table of episodes: filters, order, selection, and the details of one.
 "use strict";
 const PAGE_ROWS = 60;
+const SHORT_COMMAND = 100;  // Most names of a command that shows by itself; laying out thousands takes longer than the table.
 const badge = (words, tone) => element("span", { class: "badge " + tone }, words);
 const data = JSON.parse(document.getElementById("data").textContent);
 const rows = data.rows.map((values) => Object.fromEntries(data.columns.map((name, k) => [name, values[k]])));
@@ -31,6 +32,7 @@ const drawn = drawnNames.length ? {
 if (drawn) at("drawn").append(drawn.name, drawn.low, drawn.high);
 at("words").addEventListener("input", refresh);
 at("filters").addEventListener("submit", (event) => event.preventDefault());
+at("selected").addEventListener("toggle", writeCommand);
 at("more").addEventListener("click", () => { state.count += 5 * PAGE_ROWS; fill(); });
 
 at("table").tBodies[0].addEventListener("click", chooseRow);
@@ -72,9 +74,14 @@ function fill() {
   at("more").hidden = state.matches.length <= state.count;
   const good = state.matches.filter((row) => row.ended === "succeeded").length;
   at("count").textContent = `${state.matches.length} of ${rows.length}; ${good} succeeded`;
-  const named = state.matches.length < rows.length && state.matches.length ? data.command : "";
-  at("selected").hidden = !named;
-  at("selected").querySelector("pre").textContent = named.replace("{names}", state.matches.map((row) => row.name).join("+"));
+  at("selected").hidden = !data.command || !state.matches.length || state.matches.length === rows.length;
+  at("selected").open = state.matches.length <= SHORT_COMMAND;
+  writeCommand();
+}
+
+function writeCommand() {
+  const names = at("selected").open ? state.matches.map((row) => row.name).join("+") : "";
+  at("selected").querySelector("pre").textContent = names && data.command.replace("{names}", () => names);
 }
 
 function cell(row, name) {
