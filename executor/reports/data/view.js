@@ -9,6 +9,7 @@ const at = (id) => document.getElementById(id);
 const SHOWN = [["name", "name"], ["task", "task"], ["series", "series"], ["seed", "seed"], ["ended", "ended"], ["failure", "failure"],
   ["simulated_s", "time"], ["subtasks", "subtasks"], ["steps", "steps"], ["videos", "videos"], ["bytes", "size"], ["audited", "audit"]];
 const columns = SHOWN.filter(([name]) => rows.some((row) => row[name] !== null && row[name] !== "" && row[name] !== 0));
+const numeric = new Set(columns.map(([name]) => name).filter((name) => rows.some((row) => typeof row[name] === "number")));
 const drawnNames = [...new Set(rows.flatMap((row) => Object.keys(row.drawn)))].sort();
 const texts = rows.map((row) => `${row.name} ${row.task} ${row.series} ${row.failure}`.toLowerCase());
 const state = { order: null, falling: false, count: PAGE_ROWS, matches: [] };
@@ -67,7 +68,7 @@ function refresh() {
 function fill() {
   const extra = drawn && drawn.name.value ? [[drawn.name.value, drawn.name.value]] : [];
   const all = [...columns, ...extra];
-  at("table").tHead.replaceChildren(element("tr", {}, ...all.map(([name, title]) => element("th", { "aria-sort": state.order === name ? (state.falling ? "descending" : "ascending") : false },
+  at("table").tHead.replaceChildren(element("tr", {}, ...all.map(([name, title]) => element("th", { class: numeric.has(name) ? "n" : "", "aria-sort": state.order === name ? (state.falling ? "descending" : "ascending") : false },
     element("button", { type: "button", onclick: () => { state.falling = state.order === name && !state.falling; state.order = name; refresh(); } }, title)))));
   at("table").tBodies[0].replaceChildren(...state.matches.slice(0, state.count).map((row) => element("tr", { tabindex: 0, "data-name": row.name },
     ...all.map(([name]) => cell(row, name)))));
