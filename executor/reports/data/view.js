@@ -1,6 +1,6 @@
 // The table of episodes: filters, order, selection, and the details of one.
 "use strict";
-const PAGE_ROWS = 60;
+const PAGE_ROWS = 30;
 const SHORT_COMMAND = 100;  // Most names of a command that shows by itself; laying out thousands takes longer than the table.
 const badge = (words, tone) => element("span", { class: "badge " + tone }, words);
 const data = JSON.parse(document.getElementById("data").textContent);
@@ -34,7 +34,7 @@ if (drawn) at("drawn").append(drawn.name, drawn.low, drawn.high);
 at("words").addEventListener("input", refresh);
 at("filters").addEventListener("submit", (event) => event.preventDefault());
 at("selected").addEventListener("toggle", writeCommand);
-at("more").addEventListener("click", () => { state.count += 5 * PAGE_ROWS; fill(); });
+at("more").addEventListener("click", () => { state.count += 10 * PAGE_ROWS; fill(); });
 
 at("table").tBodies[0].addEventListener("click", chooseRow);
 at("table").tBodies[0].addEventListener("keydown", (event) => { if (event.key === "Enter") chooseRow(event); });
