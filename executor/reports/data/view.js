@@ -1,6 +1,7 @@
 // The table of episodes: filters, order, selection, and the details of one.
 "use strict";
-const PAGE_ROWS = 60;
+const PAGE_ROWS = 30;
+const SHORT_COMMAND = 100;  // Most names of a command that shows by itself; laying out thousands takes longer than the table.
 const badge = (words, tone) => element("span", { class: "badge " + tone }, words);
 const data = JSON.parse(document.getElementById("data").textContent);
 const rows = data.rows.map((values) => Object.fromEntries(data.columns.map((name, k) => [name, values[k]])));
@@ -8,6 +9,7 @@ const at = (id) => document.getElementById(id);
 const SHOWN = [["name", "name"], ["task", "task"], ["series", "series"], ["seed", "seed"], ["ended", "ended"], ["failure", "failure"],
   ["simulated_s", "time"], ["subtasks", "subtasks"], ["steps", "steps"], ["videos", "videos"], ["bytes", "size"], ["audited", "audit"]];
 const columns = SHOWN.filter(([name]) => rows.some((row) => row[name] !== null && row[name] !== "" && row[name] !== 0));
+const numeric = new Set(columns.map(([name]) => name).filter((name) => rows.some((row) => typeof row[name] === "number")));
 const drawnNames = [...new Set(rows.flatMap((row) => Object.keys(row.drawn)))].sort();
 const texts = rows.map((row) => `${row.name} ${row.task} ${row.series} ${row.failure}`.toLowerCase());
 const state = { order: null, falling: false, count: PAGE_ROWS, matches: [] };
@@ -31,7 +33,8 @@ const drawn = drawnNames.length ? {
 if (drawn) at("drawn").append(drawn.name, drawn.low, drawn.high);
 at("words").addEventListener("input", refresh);
 at("filters").addEventListener("submit", (event) => event.preventDefault());
-at("more").addEventListener("click", () => { state.count += 5 * PAGE_ROWS; fill(); });
+at("selected").addEventListener("toggle", writeCommand);
+at("more").addEventListener("click", () => { state.count += 10 * PAGE_ROWS; fill(); });
 
 at("table").tBodies[0].addEventListener("click", chooseRow);
 at("table").tBodies[0].addEventListener("keydown", (event) => { if (event.key === "Enter") chooseRow(event); });
@@ -65,16 +68,21 @@ function refresh() {
 function fill() {
   const extra = drawn && drawn.name.value ? [[drawn.name.value, drawn.name.value]] : [];
   const all = [...columns, ...extra];
-  at("table").tHead.replaceChildren(element("tr", {}, ...all.map(([name, title]) => element("th", { "aria-sort": state.order === name ? (state.falling ? "descending" : "ascending") : false },
+  at("table").tHead.replaceChildren(element("tr", {}, ...all.map(([name, title]) => element("th", { class: numeric.has(name) ? "n" : "", "aria-sort": state.order === name ? (state.falling ? "descending" : "ascending") : false },
     element("button", { type: "button", onclick: () => { state.falling = state.order === name && !state.falling; state.order = name; refresh(); } }, title)))));
   at("table").tBodies[0].replaceChildren(...state.matches.slice(0, state.count).map((row) => element("tr", { tabindex: 0, "data-name": row.name },
     ...all.map(([name]) => cell(row, name)))));
   at("more").hidden = state.matches.length <= state.count;
   const good = state.matches.filter((row) => row.ended === "succeeded").length;
   at("count").textContent = `${state.matches.length} of ${rows.length}; ${good} succeeded`;
-  const named = state.matches.length < rows.length && state.matches.length ? data.command : "";
-  at("selected").hidden = !named;
-  at("selected").querySelector("pre").textContent = named.replace("{names}", state.matches.map((row) => row.name).join("+"));
+  at("selected").hidden = !data.command || !state.matches.length || state.matches.length === rows.length;
+  at("selected").open = state.matches.length <= SHORT_COMMAND;
+  writeCommand();
+}
+
+function writeCommand() {
+  const names = at("selected").open ? state.matches.map((row) => row.name).join("+") : "";
+  at("selected").querySelector("pre").textContent = names && data.command.replace("{names}", () => names);
 }
 
 function cell(row, name) {
