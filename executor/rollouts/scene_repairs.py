@@ -37,6 +37,8 @@ from oag.primitives.table import OPEN_FRACTION
 MOST_FIXES = 3
 MOST_TRIES = 10
 """How many changed scenes are gone through by geometry."""
+MOST_EFFORT_S = 24.0
+"""How much effort of planning these may take together; none is begun after it (`executor.system.effort`)."""
 MOST_SCENES = 30
 """How many changed scenes are settled in physics, those without a proved plan among them."""
 
@@ -113,13 +115,14 @@ class _Search:
 
     Attributes:
         plan, seed: As for `repaired`.
-        tries_left: How many changed scenes may still be gone through by geometry.
+        tries_left, effort_left_s: How many changed scenes may still be gone through by geometry, with which effort.
         scenes_left: How many may still be settled.
     """
 
     plan: Plan
     seed: int
     tries_left: int = MOST_TRIES
+    effort_left_s: float = MOST_EFFORT_S
     scenes_left: int = MOST_SCENES
 
     def further_than(self, at: Judged) -> Judged | None:
@@ -128,7 +131,7 @@ class _Search:
             candidate = _planned(changed.scene, self.plan, changed.fixes)
             if not candidate.report and not candidate.gets_further_than(at):
                 continue
-            if self.tries_left == 0 or self.scenes_left == 0:
+            if self.tries_left == 0 or self.scenes_left == 0 or self.effort_left_s <= 0.0:
                 return None
             self.scenes_left -= 1
             try:
@@ -137,6 +140,7 @@ class _Search:
                 continue
             self.tries_left -= bool(candidate.report)
             candidate = _gone_through(candidate, self.seed, 0)
+            self.effort_left_s -= 0.0 if candidate.found is None else candidate.found.effort_s
             if candidate.feasible:
                 return candidate
             if candidate.gets_further_than(at) and (found := self.further_than(candidate)) is not None:
