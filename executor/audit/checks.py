@@ -122,7 +122,9 @@ def end(recorded: Recorded, world: World, scene_start: bytes) -> Iterator[Findin
         return
     if not succeeded:
         if found.value:
-            yield Finding("false-failure", "it is recorded as failed, and its goal holds in its last state")
+            failure = recorded.meta.get("failure") or {}
+            why = f" ({failure.get('kind')}: {failure.get('message')})" if failure else ""
+            yield Finding("false-failure", f"it is recorded as failed{why}, and its goal holds in its last state")
         return
     if not found.value:
         yield Finding("false-success", f"it is recorded as succeeded, and in its last state does not hold: {words}")

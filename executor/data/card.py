@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from executor.campaign.rate import Rate
@@ -247,14 +247,7 @@ class Contents:
             "versions": [list(pair) for pair in sorted(self.versions)],
             "scaled": {name: list(span) for name, span in sorted(self.scaled.items())},
             "parts": {
-                label: {
-                    "query": part.query,
-                    "made": part.made,
-                    "succeeded": part.succeeded,
-                    "kept": part.kept,
-                    "seeds": part.seeds,
-                    "simulated_s": round(part.simulated_s, 3),
-                }
+                label: {**asdict(part), "simulated_s": round(part.simulated_s, 3)}
                 for label, part in sorted(self.parts.items())
             },
         }

@@ -260,9 +260,16 @@ class EpisodeStore:
         """Return the path of a unit's episode."""
         return self.path / UNITS / unit.folder(version)
 
-    def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
-        """Return a unit's episode, under any id of an equal outcome, or None when it is not made yet."""
-        for unit_id in unit.equal_ids(version):
+    def read(self, unit: DemoUnit, version: str, stored_id: str = "") -> StoredEpisode | None:
+        """Return a unit's episode, under any id of an equal outcome, or None when it is not made yet.
+
+        Args:
+            unit: The unit.
+            version: Hash of the program.
+            stored_id: An id that an earlier program gave it; where outcomes differ since, only that episode counts.
+        """
+        equal = tuple(unit.equal_ids(version))
+        for unit_id in equal if stored_id in ("", *equal) else (stored_id,):
             try:
                 found = self.episode(unit.folder_of(unit_id))
             except NotADataset:
@@ -272,20 +279,25 @@ class EpisodeStore:
         return None
 
     @contextmanager
-    def writing(self, unit: DemoUnit, version: str) -> Iterator[Path]:
+    def writing(self, unit: DemoUnit, version: str, stored_id: str = "") -> Iterator[Path]:
         """Give a new folder, which becomes the unit's when the block ends without an exception.
 
         Keep a result that another process finished first; replace only "unfinished" markers.
 
+        Args:
+            unit: The unit.
+            version: Hash of the program.
+            stored_id: The id that its episode has, where an earlier program gave it another one.
+
         Raises:
             OSError: The folder cannot be written.
         """
-        place = self.place(unit, version)
+        place = self.path / UNITS / unit.folder_of(stored_id or unit.id(version))
         aside, before = self._aside(place.name), self._aside(place.name)
         aside.mkdir(parents=True)
         try:
             yield aside
-            there = self.read(unit, version)
+            there = self.read(unit, version, stored_id)
             if there is None or there.broken_off:
                 unfinished = place if there is None else there.path
                 with suppress(FileNotFoundError):
@@ -293,7 +305,8 @@ class EpisodeStore:
                 try:
                     aside.rename(place)
                 except OSError:
-                    if not self._has_result(unit, version):
+                    there = self.read(unit, version, stored_id)
+                    if there is None or there.broken_off:
                         raise
         finally:
             for path in (aside, before):
@@ -301,10 +314,6 @@ class EpisodeStore:
 
     def _aside(self, folder: str) -> Path:
         return self.path / UNITS / f"{_ASIDE}{folder}-{secrets.token_hex(_TOKEN_BYTES)}"
-
-    def _has_result(self, unit: DemoUnit, version: str) -> bool:
-        found = self.read(unit, version)
-        return found is not None and not found.broken_off
 
     def write(self, unit: DemoUnit, version: str, meta: Mapping[str, Any], aside: Path) -> None:
         """Write a unit and its outcome into its new folder."""

@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -250,8 +249,7 @@ class DemoUnit:
     def equal_ids(self, version: str) -> Iterator[str]:
         """Yield the unit's id, then those that earlier programs gave a unit of the same outcome.
 
-        Earlier programs treated 10 and 10.0 as different requests, as well as other orders of views and copies of a
-        scene's file, and a family's own robot by its name.
+        Earlier programs had a family's own robot by its name.
 
         Args:
             version: Hash of the program.
@@ -275,18 +273,12 @@ class DemoUnit:
             yield from self._ids_under(full_version)
 
     def _ids_under(self, full_version: str) -> Iterator[str]:
-        """Yield the id of this program, then those of programs that kept numbers, views and paths as typed."""
-        for robot in ("", PAPER_ROBOT.name) if self.origin.family and not self.robot_name else ("",):
-            more = {"robot": robot} if robot else {}
-            data = self.to_json() | more
-            if self.origin.scene_key:
-                data["origin"]["scene"] = ""  # The content identifies the scene, wherever its file lies.
-            yield _id_of(data, full_version)
-            for rate_hz, noise_m in product(_spellings(self.recording.rate_hz), _spellings(self.variation.noise_m)):
-                data = self.to_json() | more
-                data["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
-                data["variation"]["noise_m"] = noise_m
-                yield _id_of(data, full_version)
+        data = self.to_json()
+        if self.origin.scene_key:
+            data["origin"]["scene"] = ""  # The content identifies the scene, wherever its file lies.
+        yield _id_of(data, full_version)
+        if self.origin.family and not self.robot_name:
+            yield _id_of(data | {"robot": PAPER_ROBOT.name}, full_version)
 
     @property
     def _keeps_order(self) -> bool:
@@ -358,11 +350,6 @@ def _id_of(data: Mapping[str, Any], version: str) -> str:
 def _canonical_number(value: float) -> float:
     """Normalise a number: 10, 10.0 and 1e1 alike, and no signed zero; a bool stays one."""
     return value if isinstance(value, bool) else float(value) + 0.0
-
-
-def _spellings(value: float) -> tuple[float, ...]:
-    """Return a number as written by programs that kept it as typed."""
-    return (float(value), int(value)) if float(value).is_integer() else (value,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -171,11 +171,13 @@ def merge(stores: Sequence[EpisodeStore], out: Path, on_progress: OnProgress = i
         on_progress(place, len(stores))
         for episode in store.episodes():
             unit, version = DemoUnit.from_json(episode.meta["unit"]), str(episode.meta["version"])
-            there = target.read(unit, version)
+            # An id of an earlier program stays, and so does its folder's name.
+            known_as = next((one for one in unit.ids(version) if one == episode.meta["id"]), "")
+            there = target.read(unit, version, known_as)
             if there is not None and not (there.broken_off and not episode.broken_off):
                 done.same += 1
                 continue
-            with target.writing(unit, version) as folder:
+            with target.writing(unit, version, known_as) as folder:
                 shutil.copytree(episode.path, folder, dirs_exist_ok=True)
             done.copied += 1
     return done

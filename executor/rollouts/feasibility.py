@@ -111,6 +111,7 @@ class Feasibility:
         cpu_s: CPU time of the dry run.
         avoided: Joints that are not to be opened: behind them there is no place.
         known: What was found impossible, for `scene.knowing`, by which a revised plan is judged.
+        effort_s: Effort of the last plan that was gone through (`executor.system.effort`).
     """
 
     task: Task
@@ -121,6 +122,7 @@ class Feasibility:
     cpu_s: float
     avoided: Ways = frozenset()
     known: tuple[Infeasible, ...] = ()
+    effort_s: float = 0.0
 
     def conditions(self, usual: RunConditions = USUAL) -> RunConditions:
         """Return the conditions under which a rollout of the plan makes the same choices."""
@@ -272,6 +274,7 @@ class DryRun:
             time.process_time() - began,
             self._avoided,
             self._known,
+            self._planner.effort.spent_s,
         )
 
     def _refused(self, index: int, step: int, failure: Failure) -> FeasibleSubtask:

@@ -6,12 +6,13 @@
 What the refusal, the verdict or the dry run says decides which changes are tried, the smallest first: another place for
 a thing, a door opened or shut, what blocks removed. A change counts if the scene holds in physics, the plan is proved
 in it, and all of the plan is feasible by geometry. Where one is not enough, the search goes on from the first that
-gets further. Equal scenes, plans and seeds give equal repairs.
+gets further, and then from the next. Equal scenes, plans and seeds give equal repairs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, get_args
@@ -36,6 +37,10 @@ from oag.primitives.table import OPEN_FRACTION
 MOST_FIXES = 3
 MOST_TRIES = 10
 """How many changed scenes are gone through by geometry."""
+MOST_EFFORT_S = 24.0
+"""How much effort of planning these may take together; none is begun after it (`executor.system.effort`)."""
+MOST_SCENES = 30
+"""How many changed scenes are settled in physics, those without a proved plan among them."""
 
 _NEAR_M = 1.0
 _WALL = "wall"
@@ -100,29 +105,47 @@ def repaired(scene: Scene, plan: Plan, seed: int) -> Judged:
         plan: Plans the wish.
         seed: Seed of all planning by geometry.
     """
-    first = at = _gone_through(_planned(scene, plan), seed, MOST_REPAIRS)
-    tries_left = MOST_TRIES
-    while not at.feasible and len(at.fixes) < MOST_FIXES:
-        further = None
-        for changed in _changes(at):
-            candidate = _planned(changed.scene, plan, changed.fixes)
+    first = _gone_through(_planned(scene, plan), seed, MOST_REPAIRS)
+    return first if first.feasible else _Search(plan, seed).further_than(first) or first
+
+
+@dataclass
+class _Search:
+    """Depth-first search for a feasible scene; what leads no further is given up for the next change.
+
+    Attributes:
+        plan, seed: As for `repaired`.
+        tries_left, effort_left_s: How many changed scenes may still be gone through by geometry, with which effort.
+        scenes_left: How many may still be settled.
+    """
+
+    plan: Plan
+    seed: int
+    tries_left: int = MOST_TRIES
+    effort_left_s: float = MOST_EFFORT_S
+    scenes_left: int = MOST_SCENES
+
+    def further_than(self, at: Judged) -> Judged | None:
+        """Return a feasible scene that is reached from one by further changes; None where none is found."""
+        for changed in _changes(at) if len(at.fixes) < MOST_FIXES else ():
+            candidate = _planned(changed.scene, self.plan, changed.fixes)
             if not candidate.report and not candidate.gets_further_than(at):
                 continue
-            if tries_left == 0:
-                return first
+            if self.tries_left == 0 or self.scenes_left == 0 or self.effort_left_s <= 0.0:
+                return None
+            self.scenes_left -= 1
             try:
-                candidate = _planned(settle(changed.scene), plan, changed.fixes)
+                candidate = _planned(settle(changed.scene), self.plan, changed.fixes)
             except (Unsettled, AssetError):
                 continue
-            tries_left -= bool(candidate.report)
-            candidate = _gone_through(candidate, seed, 0)
-            if candidate.feasible or candidate.gets_further_than(at):
-                further = candidate
-                break
-        if further is None:
-            return first
-        at = further
-    return at if at.feasible else first
+            self.tries_left -= bool(candidate.report)
+            candidate = _gone_through(candidate, self.seed, 0)
+            self.effort_left_s -= 0.0 if candidate.found is None else candidate.found.effort_s
+            if candidate.feasible:
+                return candidate
+            if candidate.gets_further_than(at) and (found := self.further_than(candidate)) is not None:
+                return found
+        return None
 
 
 def _planned(scene: Scene, plan: Plan, fixes: tuple[SceneFix, ...] = ()) -> Judged:
@@ -166,8 +189,10 @@ class _Changes:
         """Yield scenes for a sentence that has no task: one bearer of a name is left, things are elsewhere."""
         if refusal.code == "ambiguous-object":
             rivals = [[other for other in refusal.among if other != kept] for kept in refusal.among]
-            for others in sorted(rivals, key=lambda names: len(self._with_cargo(names))):
-                yield from self._removed(others)
+            rivals.sort(key=lambda names: len(self._with_cargo(names)))
+            for change in (self._removed, self._cleared):
+                for others in rivals:
+                    yield from change(others)
         elif refusal.code == "wrong-place":
             for item in refusal.among:
                 if item in self._items:
@@ -175,7 +200,7 @@ class _Changes:
         elif refusal.code == "already-so":
             yield from self._doors(self._fixtures)
             for item in self._items:
-                yield from self._elsewhere(item, *islice(self._other_supports(item), 1))
+                yield from islice(self._elsewhere(item, *self._other_supports(item)), 3)
 
     def of_verdict(self, report: Report) -> Iterator[Judged]:
         """Yield scenes for a refuted plan: what it needs, and does not have, is so at the start."""
@@ -244,6 +269,22 @@ class _Changes:
         gone = self._with_cargo(names)
         if gone:
             yield self._with(without(self._scene, names), "removed", gone, f"without {', '.join(gone)}")
+
+    def _cleared(self, names: list[str]) -> Iterator[Judged]:
+        """Yield the scene without some furniture; what stood on it is on other furniture, and not on one like it."""
+        scene, moved = self._scene, list[str]()
+        alike = {self._scene[name].category for name in names}
+        hosts = {name for name in self._fixtures if scene[name].category not in alike and not place_of(scene, name)}
+        for item in self._with_cargo(names):
+            for support, relation in supports_near(scene, item) if item not in names else ():
+                if support in hosts:
+                    with suppress(NoRoom):
+                        scene = elsewhere(scene, item, support, relation)
+                        moved.append(f"{item} {'in' if relation == 'inside' else 'on'} {support}")
+                        break
+        if moved:
+            words = f"without {', '.join(names)}, and with {', '.join(moved)}"
+            yield self._with(without(scene, names), "removed", self._with_cargo(names), words)
 
     def _with_cargo(self, names: list[str]) -> tuple[str, ...]:
         gone = {*names, *(carried for name in names for carried in resting_on(self._scene, name))}

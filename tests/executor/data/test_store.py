@@ -16,7 +16,7 @@ from executor.campaign.versions import UNORDERED_VERSION
 from executor.data.generation import series_of
 from executor.data.store import INDEX, META, EpisodeStore, NotADataset, StoredEpisode
 from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation, View
-from executor.data.upkeep import recorded_key
+from executor.data.upkeep import Merged, find_flaws, merge, recorded_key
 from executor.data.work import Made, Prepared, meta_of
 from executor.records import Detour
 from executor.rollouts.run_record import with_open_numbers
@@ -107,25 +107,12 @@ def test_only_what_is_missing_is_pending(folder: Path) -> None:
 
 
 def old_id(said: dict[str, Any], version: str) -> str:
-    """Return the id that programs gave a unit which kept numbers, views and paths as they were typed."""
+    """Return the id of a request, as programs wrote it."""
     return content_key(SCHEMA, version, json_text(said))
 
 
-@pytest.mark.parametrize(
-    ("unit", "typed"),
-    [
-        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0}}),
-        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0.0}}),
-        (replace(FIRST, recording=Recording(views=("wrist", "head"))), {"recording": {"views": ["wrist", "head"]}}),
-        (DemoUnit(Origin(None, "open it", "a/s.json", "k"), 7), {"origin": {"scene": "a/s.json"}}),
-    ],
-)
-def test_what_has_an_id_of_before_is_not_made_again(
-    folder: Path, unit: DemoUnit, typed: dict[str, dict[str, Any]]
-) -> None:
-    said = unit.to_json()
-    for name, values in typed.items():
-        said[name] = {**said[name], **values}
+def test_what_has_an_id_of_before_is_not_made_again(folder: Path) -> None:
+    unit, said = FIRST, {**FIRST.to_json(), "robot": PAPER_ROBOT.name}
     store, known_as = EpisodeStore(folder), old_id(said, "v")
     place = folder / "units" / unit.folder_of(known_as)
     place.mkdir(parents=True)
@@ -174,6 +161,23 @@ def test_results_of_earlier_searches_are_readable_and_do_not_count(folder: Path)
         meta = {"schema": SCHEMA, "id": known_as, "name": unit.name, "version": "v", "unit": unit.to_json()}
         (place / META).write_text(json.dumps({**meta, "ended": "succeeded"}))
     assert list(pending(store, [(unit, "v")])) == [(unit, "v")]
+
+
+def test_ids_of_earlier_programs_stay_in_a_merged_store(folder: Path, tmp_path: Path) -> None:
+    unit, plain, store = replace(FIRST, robot=UR5.name), FIRST, EpisodeStore(folder)
+    store.add_requests([])
+    # Outcomes of the first differ since, so that both ids count; those of the last are equal.
+    earlier = old_id({**plain.to_json(), "robot": PAPER_ROBOT.name}, "v")
+    for made, known_as in ((unit, unit.id("v")), (unit, old_id(unit.to_json(), "v")), (plain, earlier)):
+        place = folder / "units" / made.folder_of(known_as)
+        place.mkdir(parents=True)
+        meta = {"schema": SCHEMA, "id": known_as, "name": made.name, "version": "v", "unit": made.to_json()}
+        (place / META).write_text(json.dumps({**meta, "ended": "failed"}))
+    names, merged = [episode.name for episode in store.episodes()], EpisodeStore(tmp_path / "merged")
+    for done in (Merged(copied=3), Merged(same=3)):
+        assert merge([store], merged.path) == done
+        assert [episode.name for episode in merged.episodes()] == names and not list(find_flaws(merged))
+    assert merged.ending(unit, "v") == merged.ending(plain, "v") == "failed"
 
 
 def test_the_robot_of_a_family_has_one_id_and_that_of_its_name_counts() -> None:

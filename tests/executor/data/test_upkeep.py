@@ -100,25 +100,24 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
 
 @pytest.fixture
 def twice(made_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
-    """Return what a program left that gave a request one id by the command line and another one by YAML.
+    """Return a store in which each motion was made for two requests, one of which keeps sizes that fit anyway.
 
     Of each pair one id is for training and the other one for validation.
     """
     store = EpisodeStore(tmp_path / "old")
     store.add_requests(made_store.requests())
 
-    def typed(episode: StoredEpisode, version: str) -> dict[str, dict[str, Any]]:
-        unit = episode.meta["unit"]
-        forms = [{**unit, "recording": {**unit["recording"], "rate_hz": rate_hz}} for rate_hz in (10.0, 10)]
+    def asked(episode: StoredEpisode, version: str) -> dict[str, dict[str, Any]]:
+        forms = [{**episode.meta["unit"], "keep_sizes": keeps} for keeps in (False, True)]
         return {content_key(SCHEMA, version, json_text(form)): form for form in forms}
 
     def is_split(version: str) -> bool:
-        ids = (typed(episode, version) for episode in made_store.episodes())
+        ids = (asked(episode, version) for episode in made_store.episodes())
         return all(len({is_for_validation(one) for one in pair}) == 2 for pair in ids)
 
     version = next(filter(is_split, map(str, count())))
     for episode in made_store.episodes():
-        for known_as, unit in typed(episode, version).items():
+        for known_as, unit in asked(episode, version).items():
             folder = store.path / "units" / f"{episode.meta['name']}-{known_as[:8]}"
             shutil.copytree(episode.path, folder)
             meta_changed(unit=unit, id=known_as, version=version)(folder)
@@ -145,8 +144,8 @@ def test_what_is_there_twice_is_named_and_counts_once(
     assert (found.made, found.kept, found.repeats) == (4, 2, 2)
     assert "2 more repeat one of these" in page(twice)
     merged = merge([twice], tmp_path / "once")
-    assert (merged.copied, merged.same) == (2, 2)
-    assert list(find_flaws(EpisodeStore(tmp_path / "once"))) == []
+    assert (merged.copied, merged.same) == (4, 0)
+    assert [flaw.episode for flaw in find_flaws(EpisodeStore(tmp_path / "once"))] == names[1::2]
 
 
 def test_one_motion_is_on_one_side_however_it_is_looked_at(twice: EpisodeStore) -> None:

@@ -19,12 +19,14 @@ from executor.data.worker import run_unit
 from executor.rollouts.scene_repairs import Judged, repaired
 from executor.scenes.changes import elsewhere, place_of, supports_near, with_door, without
 from executor.scenes.file import complete_scene
+from executor.scenes.generators import any_task
 from executor.scenes.library import load
 from executor.scenes.room import NoRoom
 from executor.scenes.validation import settle
 from executor.system.files import read_json
 from oag import Scene, SceneObject
 from oag.model.infeasible import Infeasible
+from oag.sizes import Sizing
 
 pytestmark = pytest.mark.physics
 ALREADY_SO = "put the glass onto the table"
@@ -76,6 +78,22 @@ def test_a_plan_of_another_start_is_refuted_until_the_thing_is_where_it_was() ->
     found = repaired(moved, lambda other: task, 0)
     assert found.feasible and [fix.kind for fix in found.fixes] == ["place"]
     assert place_of(found.scene, "glass_0") == ("table_0", "ontop") and found.fixes[0].reason == "refuted"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "kinds"),
+    [
+        (73009, ["removed", "place"]),  # The bowl is on the cabinet that is left.
+        (73016, ["removed"]),  # Without the other table the sentence has two readings.
+        (73003, ["removed", "place"]),  # What stands on the other cabinets is needed.
+    ],
+)
+def test_a_change_that_leads_no_further_is_given_up_for_the_next(seed: int, kinds: list[str]) -> None:
+    wish = any_task.draw(seed)
+    found = repaired(wish.scene, lambda scene: llm.propose(wish.query, scene, sizing=Sizing(seed)).task, seed)
+    assert found.feasible and [fix.kind for fix in found.fixes] == kinds
+    assert found.fixes[0].reason == "ambiguous-object"
 
 
 def test_what_no_scene_mends_is_left_as_it_is() -> None:
