@@ -23,10 +23,11 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
+from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import RoomEstimate, heights_under, is_on_one, tops_of
 from executor.photo.room.fitter import LEAST_IN_BOX
 from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
-from executor.photo.scene import resolve_overlaps, scene_of
+from executor.photo.scene import scene_of
 from oag import SceneObject, compose
 from oag.model.symbols import Kind
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
