@@ -101,7 +101,7 @@ def _put_on_tops(
         others = {other: room[other] for other in room if other != key}
         if key in hung and not is_item(room[key]):
             if not _stands(room[key], others):
-                notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor: no support is below its box")
+                notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
         room[key] = _on_its_top(room[key], others, same_height_m, farthest_m)
         if is_item(room[key]) and not _stands(room[key], others):
