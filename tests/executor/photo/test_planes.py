@@ -104,7 +104,7 @@ def test_a_floor_below_a_table_is_the_floor_though_the_tables_box_is_around_both
 @pytest.mark.parametrize(("given_m", "height_m"), [(None, 1.3), (0.72, 0.7), (1.6, 1.6)])
 def test_a_given_height_decides_also_where_a_small_floor_is_visible(given_m: float | None, height_m: float) -> None:
     u, v = np.meshgrid(np.arange(100, 300, 4), np.arange(100, 300, 4))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
     top, low = LevelPlane(0.7, 0.8, 0.003, pixels), LevelPlane(1.3, 0.05, 0.003, pixels[:50] + 300)
     found = LevelPlanes(np.array([0.0, 0.0, 1.0]), (low, top))
     can = Detection("can", "can", (90.0, 90.0, 310.0, 310.0), 1.0, "drawn")
