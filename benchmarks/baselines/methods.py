@@ -226,13 +226,13 @@ class SingleAttemptRun(Run):
 class ConstraintPoseRun(SingleAttemptRun):
     """Episode in the manner of GenSim2."""
 
-    library = LIBRARY_OF_CONSTRAINTS
+    skills = LIBRARY_OF_CONSTRAINTS
 
 
 class SampledGraspRun(SingleAttemptRun):
     """Episode in the manner of RoboGen."""
 
-    library = LIBRARY_OF_SAMPLES
+    skills = LIBRARY_OF_SAMPLES
 
 
 def _run_as(run: type[Run]) -> UnitRunner:

@@ -7,7 +7,9 @@ verifies the plan again before it runs.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from bddl import Formula
 from executor.planning.choices import Choice
@@ -40,10 +42,10 @@ from executor.sim.engine import STANDARD, Physics
 from executor.sim.faults import Fault
 from executor.sim.world import World
 from executor.skills.control import Bystanders, Controller, settle_to_rest
-from executor.skills.library import bounded, require_skills, skill_of
+from executor.skills.library import Runner, bounded, require_skills, skill_of
 from executor.skills.session import Hand, Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
-from oag import ObjectActionGraph, Scene, Task, TaskError, compose
+from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose
 from oag.measurements import GoalReading
 from oag.model.actions import flow_from_json
 from oag.model.codec import shown
@@ -97,12 +99,15 @@ class Run:
         subtasks: Records of the finished subtasks.
         detours: Insertions into the plan so far.
         after: The checkpoint after the last finished subtask.
+        skills: The function that runs each of the 21 primitives where it is not the robot's own.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         MissingSkill: A primitive of an own domain has no skill.
     """
+
+    skills: Mapping[Primitive, Runner] = MappingProxyType({})
 
     def __init__(
         self,
@@ -320,7 +325,7 @@ class Run:
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
         session.control.start_primitive()
-        outcome = bounded(skill_of(action.primitive), session, action)
+        outcome = bounded(self.skills.get(action.primitive) or skill_of(action.primitive), session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()

@@ -34,7 +34,7 @@ def test_a_plan_by_a_model_is_recorded_resumed_and_read(
         point_to(server, monkeypatch)
         assert planned("--record", str(file), "--temperature", "0.5", "--model-seed", "3") == 1
         assert [(seen.body["temperature"], seen.body["seed"]) for seen in server.seen] == [
-            (temperature, 3) for temperature in (0.5, 0.2, 0.5, 0.5)
+            (temperature, 3) for temperature in (0.5, 0.5, 0.5, 0.5)
         ]
         capsys.readouterr()
         assert planned("--record", str(file)) == 2 and "does not exist yet" in capsys.readouterr().err

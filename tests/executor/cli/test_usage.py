@@ -46,7 +46,7 @@ def test_the_known_options_are_those_of_the_help(
         ("evolve t.json --scene kitchen_t1 --look-bakc 2", "did you mean --look-back?"),
         ("dataset export s --outt o", "dataset export has no option --outt; did you mean --out?"),
         ("assets import f --nam o", "assets import has no option --nam; did you mean --name?"),
-        ("verify t.json --zzz", "verify has no option --zzz; there are --json, --debug, --scene, --out"),
+        ("verify t.json --zzz", "verify has no option --zzz; there are --json, --debug, --scene, --domain, --out"),
         ("rum\x1b[31m x", r"there is no command 'rum\x1b[31m'"),
     ],
 )
