@@ -119,11 +119,19 @@ class _IntentBuilder(Housekeeping):
 
     def _found(self, command: Command, following: Command | None) -> Mention:
         """Return the mention of things that are to be found, which is a part of what is done with them next."""
+        places = () if following is None else (following.source, following.destination)
         spoken = () if following is None else following.objects
-        place = None if following is None else following.destination
-        if not any(phrase.pronoun for phrase in (*spoken, *(() if place is None else (place.phrase,)))):
+        spoken += tuple(place.phrase for place in places if place is not None)
+        again = {phrase.words[-1] for phrase in spoken} >= {phrase.words[-1] for phrase in command.objects}
+        if not again and not any(phrase.pronoun for phrase in spoken):
             raise no_action()
-        return Mention(tuple(Intent(IntentKind.PICK, key) for key in self._things(command)))
+        targets = self._targets(command, None, ())
+        self.notes += [note for grounded in targets for note in grounded.notes]
+        ids = [grounded.object_id for grounded in targets]
+        fixtures = [key for key in ids if not self._is_item(key)]
+        # "It" is none of several pieces of furniture.
+        place = fixtures[0] if len(fixtures) == 1 else None
+        return Mention(tuple(Intent(IntentKind.PICK, key) for key in ids if self._is_item(key)), place)
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -166,8 +174,11 @@ class _IntentBuilder(Housekeeping):
         if command.kind == "toss" and command.destination is None:
             command = replace(command, destination=self._waste_place())
         targets, place = self._ends(command, source)
-        if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
-            raise no_action()
+        if command.kind == "toss" and place is not None and not self._is_waste(place.object_id):
+            refusal = no_action()
+            refusal.problem = f"{place.object_id} is no place for waste, and {refusal.problem}"
+            refusal.decides = True
+            raise refusal
         if place is not None and command.destination is not None:
             command = replace(command, destination=self._on_its_side(command.destination, place))
         for grounded in (*targets, *(() if place is None else (place,))):
@@ -267,8 +278,8 @@ class _IntentBuilder(Housekeeping):
     def _on_its_side(self, place: Location, grounded: Grounded) -> Location:
         """Return "on the table" for "on the left side of the table", which is a part of it and no place next to it."""
         can = self.grounding.around.affordances[grounded.object_id]
-        beside = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
-        if beside or not can.surface or self._hosts(grounded.object_id):
+        next_to = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
+        if next_to or not can.surface or self._hosts(grounded.object_id):
             return place
         self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
         return replace(place, direction="ON", loose=True)

@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from importlib.resources import files
 from typing import Any, Literal, get_args
 
@@ -54,6 +55,8 @@ _SIDES: dict[str, Side] = {
     "FARTHEST": "farthest",
 }
 _TOWARDS = frozenset({"TOLEFT", "TORIGHT"})
+# After a verb of moving without a thing.
+_WAYS = _PREPOSITIONS - {"IN", "FROM", "OUTOF"} | {"THERE"}
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
@@ -297,8 +300,9 @@ def _command(tree: Any) -> Command:
         there = replace(where, direction="AGAINST")
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
     if kind == "liked":
-        # "I want the mug on the table" says where it shall be.
-        return Command("bare" if any(phrase.location for phrase in objects) else "bring", objects)
+        # "I want the mug on the table" says where it shall be, and "from the table" which one it is.
+        there = any(phrase.location and phrase.location.direction not in ("FROM", "OUTOF") for phrase in objects)
+        return Command("bare" if there else "bring", objects)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
@@ -436,6 +440,9 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
             following = pieces[index + length] if index + length < len(pieces) else ""
             if " " in phrase and _begins_a_name(phrase, following, lexicon):
                 continue
+            if lexicon.terminals.get(phrase) == "PARTOF" and (not tokens or tokens[-1].terminal not in _PREPOSITIONS):
+                # "The head of lettuce".
+                continue
             if phrase == "'s" and tokens and tokens[-1].terminal == "WORD" and not _is_named(following, lexicon):
                 # "Two cd's".
                 tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
@@ -459,15 +466,13 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
-    for index in range(1, len(tokens) - 1):
-        if tokens[index].text == "to" and tokens[index + 1].terminal == "PUT":
+    for index, (one, after) in enumerate(pairwise(tokens)):
+        if index and one.text == "to" and after.terminal == "PUT":
             # "Take the mug to put it on the table".
             tokens[index] = TaggedWord("THEN", "to")
-    for index in range(len(tokens) - 3, 0, -1):
-        # "The yellow and blue jar".
-        one, link, other, noun = tokens[index - 1 : index + 3]
-        if link.terminal == "AND" and noun.terminal == "WORD" and {one.text, other.text} <= lexicon.descriptions:
-            del tokens[index]
+        elif one.terminal in ("PUT", "TAKE") and one.text in lexicon.goes and after.terminal in _WAYS:
+            # "Move to the table".
+            tokens[index] = TaggedWord("DRIVE", one.text)
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
@@ -513,9 +518,9 @@ def _is_named(piece: str, lexicon: Lexicon) -> bool:
 
 
 def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a phrase about the room is none: in "the kitchen table" and "in the kitchen drawer"."""
+    """Decide whether a phrase about the room is none: "the kitchen table", "in the corner of the table"."""
     is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
-    return is_room and _is_named(following, lexicon)
+    return is_room and (_is_named(following, lexicon) or following == "of")
 
 
 def _pieces(query: str) -> list[str]:
