@@ -96,7 +96,7 @@ class Names:
         return Named((), " ".join(words))
 
     def with_one_colour(self, tokens: Sequence[TaggedWord]) -> tuple[TaggedWord, ...]:
-        """Return words in which "the yellow and blue jar" is one jar: without "and" between colours that name nothing."""
+        """Return words in which "the yellow and blue jar" is one jar, where no colour is a name."""
         kept = list(tokens)
         for index in range(len(kept) - 3, 0, -1):
             one, link, other, noun = kept[index - 1 : index + 3]

@@ -11,8 +11,8 @@ import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 from llm.offline.intents import Front
@@ -95,7 +95,8 @@ class NounPhrase:
         side: Which of several is meant ("the left glass").
         towards: Whether the side may be where it shall go ("the glass to the left").
         load: What it holds, or shall hold ("the bowl with the apple in it").
-        load_at: "IN" or "ON" it, or "FROM" where that is not said.
+        load_at: "IN" or "ON" it, "OUTOF" where it contains it, or "FROM" where "with" alone does not say so.
+        definite: Whether it begins as "the bowl" does.
         elided: Whether it is not spoken ("pick up the mug and put in the sink").
     """
 
@@ -114,6 +115,7 @@ class NounPhrase:
     towards: bool = False
     load: tuple[NounPhrase, ...] = ()
     load_at: Direction = "FROM"
+    definite: bool = False
     elided: bool = False
 
     @property
@@ -281,17 +283,17 @@ def _command(tree: Any) -> Command:
             objects = (*objects, _phrase(child))
     if kind == "place" and not objects:
         objects = (NounPhrase(("it",), pronoun="it", elided=True),)
-    words = [str(child) for child in tree.children if not _is_tree(child)]
-    puts = kind in ("nowhere", "place") and "away" in words and objects[0].everything
-    if puts and (destination is None or destination.direction in ("ON", "IN")):
-        before = next(child for child in tree.children if _is_tree(child) or str(child) == "away")
-        if destination is None or not _is_tree(before):
-            # "Put away everything on the table" is about what is there.
-            there = objects[0].location or destination
-            kind, objects, destination = "away", (replace(objects[0], location=there),), None
+    if kind in ("nowhere", "place") and objects[0].everything and _puts_away(tree, destination):
+        # "Put away everything on the table" is about what is there.
+        there = objects[0].location or destination
+        kind, objects, destination = "away", (replace(objects[0], location=there),), None
     emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
     if kind == "clear" and emptied and not objects[0].everything:
         objects = (_contents(objects[0]),)
+    if kind == "toss" and destination is None and not _only_from(objects):
+        # "Throw the can on the sofa" may say where to.
+        clear = any(not _is_tree(child) and child.type in ("DISCARD", "AWAY", "UP") for child in tree.children)
+        return Command("toss" if clear else "bare", objects)
     if kind == "hold":
         where = objects[0].location
         if where is None or where.direction not in REFERENCE_DIRECTIONS:
@@ -301,11 +303,23 @@ def _command(tree: Any) -> Command:
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
     if kind == "liked":
         # "I want the mug on the table" says where it shall be, and "from the table" which one it is.
-        there = any(phrase.location and phrase.location.direction not in ("FROM", "OUTOF") for phrase in objects)
-        return Command("bare" if there else "bring", objects)
+        return Command("bring" if _only_from(objects) else "bare", objects)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
+
+
+def _only_from(phrases: Sequence[NounPhrase]) -> bool:
+    """Decide whether no place of things may be where they shall go."""
+    return all(phrase.location is None or phrase.location.direction in ("FROM", "OUTOF") for phrase in phrases)
+
+
+def _puts_away(tree: Any, destination: Location | None) -> bool:
+    """Decide whether "away" is where things go; in "put everything away into the fridge" it is not."""
+    before = next((child for child in tree.children if _is_tree(child) or str(child) == "away"), None)
+    if not any(str(child) == "away" for child in tree.children if not _is_tree(child)):
+        return False
+    return destination is None or (destination.direction in ("ON", "IN") and not _is_tree(before))
 
 
 def _place(tree: Any) -> Location:
@@ -327,7 +341,8 @@ def _place(tree: Any) -> Location:
 def _load(tree: Any) -> dict[str, Any]:
     """Return what a thing holds, and whether in or on it."""
     parts = _subtrees(tree)
-    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "FROM")
+    contains = any(child.type == "CONTAINING" for child in tree.children if not _is_tree(child))
+    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "OUTOF" if contains else "FROM")
     held = (part for part in parts if part.data not in ("within", "upon"))
     return {"load": tuple(map(_phrase, held)), "load_at": at}
 
@@ -357,8 +372,11 @@ def _phrase(tree: Any) -> NounPhrase:
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
     whichever = "A" in types or some_number or "ONE" in types
+    definite = "DETERMINER" in types
     if rule == "several":
-        return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
+        return NounPhrase(
+            words, states, location, door=door, several=True, count=count, whichever=whichever, definite=definite
+        )
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location", "load"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
@@ -375,6 +393,7 @@ def _phrase(tree: Any) -> NounPhrase:
         whichever=whichever,
         side=side,
         towards=bool(_TOWARDS & set(types)),
+        definite=definite,
         **load,
     )
 
@@ -463,6 +482,12 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 continue
             index += length
             break
+    return _in_context(tokens, lexicon), tuple(manner)
+
+
+def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWord, ...]:
+    """Return words with those left out or read otherwise whose neighbours decide what they are."""
+    tokens = list(words)
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
@@ -475,8 +500,7 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
             tokens[index] = TaggedWord("DRIVE", one.text)
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
-    kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
-    return kept, tuple(manner)
+    return tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
 
 
 # Verbs that are nouns after an article and before "of".
