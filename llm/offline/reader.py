@@ -287,13 +287,12 @@ def _command(tree: Any) -> Command:
         # "Put away everything on the table" is about what is there.
         there = objects[0].location or destination
         kind, objects, destination = "away", (replace(objects[0], location=there),), None
-    emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
-    if kind == "clear" and emptied and not objects[0].everything:
+    spoken = {child.type for child in tree.children if not _is_tree(child)}
+    if kind == "clear" and "EMPTY" in spoken and not objects[0].everything:
         objects = (_contents(objects[0]),)
     if kind == "toss" and destination is None and not _only_from(objects):
         # "Throw the can on the sofa" may say where to.
-        clear = any(not _is_tree(child) and child.type in ("DISCARD", "AWAY", "UP") for child in tree.children)
-        return Command("toss" if clear else "bare", objects)
+        return Command("bare" if spoken.isdisjoint(("DISCARD", "AWAY", "UP")) else "toss", objects)
     if kind == "hold":
         where = objects[0].location
         if where is None or where.direction not in REFERENCE_DIRECTIONS:
