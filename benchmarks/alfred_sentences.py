@@ -253,6 +253,9 @@ def main() -> None:
     parser.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
     parser.add_argument("--show", action="store_true")
     args = parser.parse_args()
+    wanted = "instruction2_params_test_*seen.p" if args.tests else "refined_*_commands.json"
+    if len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
+        parser.error(f"{args.folder} holds not the files {wanted} that are expected there; its help says where from")
     if args.tests:
         half = split_instructions(args.folder, args.half, args.types)
     else:

@@ -43,6 +43,11 @@ class Discourse:
             themes = tuple(filter(self._is_item, mention.themes))
             if not themes:
                 continue
+            moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
+            others = tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
+            if phrase.elided and moved and (mention.as_one or not others):
+                problem = "it does not say what is put there; nothing was picked up for it"
+                raise Refusal("not-understood", problem)
             if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
                 vessel = mention.intents[-1].destination
                 if vessel is not None and self._is_item(vessel) and phrase.count in (None, 2):
@@ -51,8 +56,6 @@ class Discourse:
                 themes = self._picked_in_a_row(index)
             elif phrase.pronoun == "it" and not mention.as_one:
                 # In "put the apple into the bowl and put it ..." either of them can be meant.
-                moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
-                others = tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
                 # What is not spoken can be several things, but not these or the ones that they were put into.
                 mention = replace(mention, as_one=phrase.elided and not others)
                 themes += others

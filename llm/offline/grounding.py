@@ -365,6 +365,9 @@ class Grounding:
         held = self._of_one_name(held)
         named = self._bearers(held, named_only=True)
         things, notes = self._narrowed(named, held, None)
+        if not held.whichever and len(things) > 1 and not set(things).isdisjoint(ids):
+            problem = f'"{held}" can mean {alternatives(things)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, things)), among=things)
         place = Location(phrase.load_at, phrase, phrase.load_at.lower())
         fitting = tuple(
             key

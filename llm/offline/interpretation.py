@@ -6,11 +6,10 @@ state after those before it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
+from llm.offline import arranging
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.grounding import Grounded, Grounding
 from llm.offline.housekeeping import Housekeeping
@@ -29,8 +28,7 @@ from llm.offline.intents import (
     order_for_one_hand,
 )
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
-from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_hand
-from llm.offline.viewpoint import start_gap_m
+from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
 from oag.model.where import Where
 
 _SPOTS: Mapping[Direction, str] = {
@@ -119,11 +117,19 @@ class _IntentBuilder(Housekeeping):
 
     def _found(self, command: Command, following: Command | None) -> Mention:
         """Return the mention of things that are to be found, which is a part of what is done with them next."""
+        places = () if following is None else (following.source, following.destination)
         spoken = () if following is None else following.objects
-        place = None if following is None else following.destination
-        if not any(phrase.pronoun for phrase in (*spoken, *(() if place is None else (place.phrase,)))):
+        spoken += tuple(place.phrase for place in places if place is not None)
+        again = {phrase.words[-1] for phrase in spoken} >= {phrase.words[-1] for phrase in command.objects}
+        if not again and not any(phrase.pronoun for phrase in spoken):
             raise no_action()
-        return Mention(tuple(Intent(IntentKind.PICK, key) for key in self._things(command)))
+        targets = self._targets(command, None, ())
+        self.notes += [note for grounded in targets for note in grounded.notes]
+        ids = [grounded.object_id for grounded in targets]
+        fixtures = [key for key in ids if not self._is_item(key)]
+        # "It" is none of several pieces of furniture.
+        place = fixtures[0] if len(fixtures) == 1 else None
+        return Mention(tuple(Intent(IntentKind.PICK, key) for key in ids if self._is_item(key)), place)
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -166,8 +172,11 @@ class _IntentBuilder(Housekeeping):
         if command.kind == "toss" and command.destination is None:
             command = replace(command, destination=self._waste_place())
         targets, place = self._ends(command, source)
-        if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
-            raise no_action()
+        if command.kind == "toss" and place is not None and not self._is_waste(place.object_id):
+            refusal = no_action()
+            refusal.problem = f"{place.object_id} is no place for waste, and {refusal.problem}"
+            refusal.decides = True
+            raise refusal
         if place is not None and command.destination is not None:
             command = replace(command, destination=self._on_its_side(command.destination, place))
         for grounded in (*targets, *(() if place is None else (place,))):
@@ -215,7 +224,7 @@ class _IntentBuilder(Housekeeping):
             for phrase in (*command.objects, command.destination.phrase)
             if (at := phrase.location) is not None and at.direction in _SPOTS
         )
-        loads = self._loads(command, targets)
+        loads = self._loads(command, targets, place)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
             return (*loads, *_placings(ids, host.relation, host.object_id, spot))
@@ -232,28 +241,54 @@ class _IntentBuilder(Housekeeping):
             return phrase
         return replace(at.phrase, load=(replace(phrase, location=None),), load_at=at.direction)
 
-    def _loads(self, command: Command, targets: Sequence[Grounded]) -> tuple[Intent, ...]:
+    def _loads(self, command: Command, targets: Sequence[Grounded], place: Grounded) -> tuple[Intent, ...]:
         """Return the intents that put into or onto moved things what the sentence says they hold, and they do not."""
         if not any(phrase.load for phrase in command.objects):
             return ()
         if len(targets) != 1:
             raise Refusal("several-objects", f'"{command}" loads several things; ask for one at a time')
         vessel, around = targets[0].object_id, self.grounding.around
-        held = [one for phrase in command.objects[0].load for one in self.grounding.every(phrase, taken=(vessel,))]
+        spoken = [(one, p) for p in command.objects[0].load for one in self.grounding.every(p, taken=(vessel,))]
+        held = [one for one, _ in spoken]
         self.notes += [note for grounded in held for note in grounded.notes]
         for grounded in held:
             check_item(grounded.object_id, around)
-        lacking = [one.object_id for one in held if all(s.object_id != vessel for s in around.supports(one.object_id))]
-        return tuple(dict.fromkeys(self._loading(command, key, vessel) for key in lacking))
-
-    def _loading(self, command: Command, item: str, vessel: str) -> Intent:
-        can, at = self.grounding.around.affordances[vessel], command.objects[0].load_at
-        relation: Relation = "ontop" if at == "ON" or (at == "FROM" and not can.interior) else "inside"
-        if at == "FROM":
-            check_item(vessel, self.grounding.around)
+        lacking = {
+            one.object_id: phrase
+            for one, phrase in spoken
+            if all(step.object_id != vessel for step in around.supports(one.object_id))
+        }
+        can, at = around.affordances[vessel], command.objects[0].load_at
+        relation: Relation = "ontop" if at == "ON" or (at != "IN" and not can.interior) else "inside"
+        loads = _placings(tuple(lacking), relation, vessel)
+        if lacking and at == "FROM":
+            check_item(vessel, around)
+            if any(self._goes_along(key, phrase, vessel) for key, phrase in lacking.items()):
+                raise self._with(command, loads, place)
             where = f"{'in' if relation == 'inside' else 'on'} {vessel}"
-            self.notes.append(f'"{command.objects[0]}" is taken for {item} {where}, since it is elsewhere')
-        return Intent(IntentKind.PLACE, item, relation, vessel)
+            elsewhere = f"since {'it is' if len(lacking) == 1 else 'they are'} elsewhere"
+            self.notes.append(f'"{command.objects[0]}" is taken for {enumeration(lacking)} {where}, {elsewhere}')
+        return loads
+
+    def _goes_along(self, key: str, phrase: NounPhrase, vessel: str) -> bool:
+        """Decide whether "with the salt" may mean together with it: a certain thing, one that holds things itself."""
+        affordances = self.grounding.around.affordances
+        certain = phrase.definite or phrase.words == (key,) or (phrase.several and not phrase.whichever)
+        holders = [affordances[one].interior or affordances[one].surface for one in (key, vessel)]
+        return certain or holders != [False, True]
+
+    def _with(self, command: Command, loads: Sequence[Intent], place: Grounded) -> Refusal:
+        """Return the refusal of "the mug with the salt": the salt in the mug, or both of them."""
+        items, vessel = [intent.target for intent in loads], str(loads[0].destination)
+        instead: list[Request] = []
+        if command.destination is not None and self._spot(command, place) is None:
+            relation = self._relation(command.destination, [vessel], place)
+            moved = _placings((vessel, *items), relation, place.object_id, place.part)
+            instead = [Request(moved), Request((*loads, moved[0]))]
+        together = f"{enumeration((vessel, *items))}, or {vessel} holding {enumeration(items)}"
+        problem = f'"{command.objects[0]}" can mean {together}, as the scene does not state it'
+        around = self.grounding.around
+        return Refusal("ambiguous-reading", problem, instead=[wish for wish in instead if is_possible(wish, around)])
 
     def _carried(self, place: Grounded, spoken: Location) -> tuple[Intent, ...]:
         """Return the intent that puts a vessel where "a bowl on the table" says it shall be, if it is elsewhere."""
@@ -267,8 +302,8 @@ class _IntentBuilder(Housekeeping):
     def _on_its_side(self, place: Location, grounded: Grounded) -> Location:
         """Return "on the table" for "on the left side of the table", which is a part of it and no place next to it."""
         can = self.grounding.around.affordances[grounded.object_id]
-        beside = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
-        if beside or not can.surface or self._hosts(grounded.object_id):
+        next_to = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
+        if next_to or not can.surface or self._hosts(grounded.object_id):
             return place
         self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
         return replace(place, direction="ON", loose=True)
@@ -513,84 +548,30 @@ class _IntentBuilder(Housekeeping):
         return ids
 
     def _swapped(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put each of two things where the other is."""
-        ids = self._things(command)
-        if len(ids) != 2:
-            raise Refusal("several-objects", f"two things can be swapped, and it names {enumeration(ids)}")
-        first, second = (next(iter(self._hosts(key)), None) for key in ids)
-        if first is None or second is None:
-            lost = ids[0] if first is None else ids[1]
-            raise Refusal("unknown-place", f"the scene does not state what {lost} stands on")
-        if first == second:
-            problem = f"{enumeration(ids)} are both {first}; a plan can tell places apart, but no spots of one place"
-            raise Refusal("unsupported-relation", problem)
-        return (
-            Intent(IntentKind.PLACE, ids[0], second.relation, second.object_id),
-            Intent(IntentKind.PLACE, ids[1], first.relation, first.object_id),
-        )
+        return arranging.swapped(self._things(command), self.grounding.around)
 
     def _nested(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things into each other, the largest one outside."""
-        ids = self._by_footprint(self._things(command))
-        if len(ids) < 2:
-            raise Refusal("several-objects", f"at least two things go into each other, and it names {enumeration(ids)}")
-        return tuple(Intent(IntentKind.PLACE, inner, "inside", outer) for outer, inner in pairwise(ids))
-
-    def _by_footprint(self, ids: Sequence[str]) -> list[str]:
-        objects = self.grounding.around.scene.objects
-        return sorted(ids, key=lambda key: -math.prod(objects[key].extent_m[:2]))
+        return arranging.nested(self._things(command), self.grounding.around)
 
     def _stacked(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things onto each other, the largest one lowest."""
         if command.destination is None:
-            place, ids = None, self._things(command)
-        else:
-            targets, place = self._ends(command, None)
-            ids = [grounded.object_id for grounded in targets]
-            self.notes += [note for one in (*targets, *((place,) if place else ())) for note in one.notes]
-        ids = self._by_footprint(ids)
-        intents: list[Intent] = []
-        if place is not None and command.destination is not None:
-            relation = self._relation(command.destination, ids[:1], place)
-            intents += _placings(ids[:1], relation, place.object_id)
-        elif len(ids) < 2:
-            raise Refusal("missing-place", f"it does not say what to stack {enumeration(ids)} on")
-        return (*intents, *(Intent(IntentKind.PLACE, upper, "ontop", lower) for lower, upper in pairwise(ids)))
+            return arranging.stacked(self._things(command), self.grounding.around)
+        targets, place = self._ends(command, None)
+        self.notes += [note for one in (*targets, *((place,) if place else ())) for note in one.notes]
+        ids = arranging.by_footprint([grounded.object_id for grounded in targets], self.grounding.around)
+        if place is None:
+            return arranging.stacked(ids, self.grounding.around)
+        lowest = Intent(IntentKind.PLACE, ids[0], self._relation(command.destination, ids[:1], place), place.object_id)
+        return arranging.stacked(ids, self.grounding.around, lowest)
 
     def _unstacked(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things that stand on others beside the lowest of these, the topmost first."""
-        around = self.grounding.around
-        fixtures = {key for key, thing in around.scene.objects.items() if thing.role == "A"}
-        found: list[tuple[int, Intent]] = []
-        for key in self._things(command):
-            chain = around.chain(key)
-            base = next((step for step in chain if step.object_id in fixtures), None)
-            if base is not None and base != chain[0]:
-                found.append((len(chain), Intent(IntentKind.PLACE, key, base.relation, base.object_id)))
-        if not found:
-            raise Refusal("already-so", "nothing of it stands on another thing; there is nothing to do")
-        return tuple(intent for _, intent in sorted(found, key=lambda entry: -entry[0]))
+        return arranging.unstacked(self._things(command), self.grounding.around)
 
     def _brought(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things onto what is nearest to where the robot starts: nothing can be handed."""
-        around = self.grounding.around
         ids = self._things(command, self._source(command))
-        names = self.grounding.names
-        grounds = [category for category, entry in names.entries.items() if entry is not None and entry.ground]
-        tops = [
-            key
-            for key, thing in around.scene.objects.items()
-            if thing.role == "A" and around.affordances[key].surface and thing.category not in grounds
-        ]
-        if not tops:
-            raise Refusal("missing-place", "nothing can be handed over, and no surface is near the robot's start")
-        nearest = min(tops, key=lambda key: start_gap_m(key, around.scene))
-        there = f"{nearest}, the nearest surface to the robot's start"
-        if all(any(step.object_id == nearest for step in around.supports(key)) for key in ids):
-            problem = f"nothing can be handed over, and {enumeration(ids)} stands already on {there}"
-            raise Refusal("already-so", problem)
-        self.notes.append(f"nothing can be handed over; it is brought to {there}")
-        return _placings(ids, "ontop", nearest)
+        intents, note = arranging.brought(ids, self.grounding)
+        self.notes.append(note)
+        return intents
 
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {

@@ -17,7 +17,7 @@ from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner", "rooms")
-_SIGNS = ("which", "people", "foreign")
+_SIGNS = ("which", "goes", "people", "foreign")
 _COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
@@ -68,6 +68,7 @@ class Lexicon:
         rooms: The same, where they name the room.
         descriptions: Words that may stand before a name without changing its meaning.
         which: Words that select one of several, such as "second", and that no scene can resolve.
+        goes: Verbs of moving that mean going where no thing follows.
         people: Words for recipients to whom nothing can be handed.
         foreign: Words that indicate another language.
         units: Words that count what follows "of", such as "set" in "a set of keys".
@@ -84,6 +85,7 @@ class Lexicon:
     rooms: frozenset[str]
     descriptions: frozenset[str]
     which: frozenset[str]
+    goes: frozenset[str]
     people: frozenset[str]
     foreign: frozenset[str]
     units: frozenset[str]

@@ -9,8 +9,8 @@ from typing import Self, get_args
 import bddl
 from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
 from llm.offline.lexicon import Category, Lexicon, names_of, short_names
-from llm.offline.reader import NounPhrase
-from llm.offline.viewpoint import LEVELS
+from llm.offline.reader import NounPhrase, TaggedWord
+from llm.offline.viewpoint import COLORS, LEVELS
 from oag import Scene
 from oag.model.where import WHICH, Part, Where
 
@@ -94,6 +94,16 @@ class Names:
             if words[start] not in self.lexicon.descriptions:
                 break
         return Named((), " ".join(words))
+
+    def with_one_colour(self, tokens: Sequence[TaggedWord]) -> tuple[TaggedWord, ...]:
+        """Return words in which "the yellow and blue jar" is one jar, where no colour is a name."""
+        kept = list(tokens)
+        for index in range(len(kept) - 3, 0, -1):
+            one, link, other, noun = kept[index - 1 : index + 3]
+            colours = all(word.text in COLORS and not self.by_name(word.text).ids for word in (one, other))
+            if link.terminal == "AND" and noun.terminal == "WORD" and colours and not singulars(noun.text):
+                del kept[index]
+        return tuple(kept)
 
     def compound(self, words: tuple[str, ...]) -> Named:
         """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.

@@ -100,7 +100,8 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
         raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
     grounding = Grounding.of(scene, lexicon, sizing)
     around = grounding.around
-    tokens, manner = read_words(query, lexicon)
+    words, manner = read_words(query, lexicon)
+    tokens = grounding.names.with_one_colour(words)
     try:
         request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 from llm.offline.intents import Front
@@ -54,6 +55,8 @@ _SIDES: dict[str, Side] = {
     "FARTHEST": "farthest",
 }
 _TOWARDS = frozenset({"TOLEFT", "TORIGHT"})
+# After a verb of moving without a thing.
+_WAYS = _PREPOSITIONS - {"IN", "FROM", "OUTOF"} | {"THERE"}
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
@@ -92,7 +95,8 @@ class NounPhrase:
         side: Which of several is meant ("the left glass").
         towards: Whether the side may be where it shall go ("the glass to the left").
         load: What it holds, or shall hold ("the bowl with the apple in it").
-        load_at: "IN" or "ON" it, or "FROM" where that is not said.
+        load_at: "IN" or "ON" it, "OUTOF" where it contains it, or "FROM" where "with" alone does not say so.
+        definite: Whether it begins as "the bowl" does.
         elided: Whether it is not spoken ("pick up the mug and put in the sink").
     """
 
@@ -111,6 +115,7 @@ class NounPhrase:
     towards: bool = False
     load: tuple[NounPhrase, ...] = ()
     load_at: Direction = "FROM"
+    definite: bool = False
     elided: bool = False
 
     @property
@@ -278,17 +283,16 @@ def _command(tree: Any) -> Command:
             objects = (*objects, _phrase(child))
     if kind == "place" and not objects:
         objects = (NounPhrase(("it",), pronoun="it", elided=True),)
-    words = [str(child) for child in tree.children if not _is_tree(child)]
-    puts = kind in ("nowhere", "place") and "away" in words and objects[0].everything
-    if puts and (destination is None or destination.direction in ("ON", "IN")):
-        before = next(child for child in tree.children if _is_tree(child) or str(child) == "away")
-        if destination is None or not _is_tree(before):
-            # "Put away everything on the table" is about what is there.
-            there = objects[0].location or destination
-            kind, objects, destination = "away", (replace(objects[0], location=there),), None
-    emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
-    if kind == "clear" and emptied and not objects[0].everything:
+    if kind in ("nowhere", "place") and objects[0].everything and _puts_away(tree, destination):
+        # "Put away everything on the table" is about what is there.
+        there = objects[0].location or destination
+        kind, objects, destination = "away", (replace(objects[0], location=there),), None
+    spoken = {child.type for child in tree.children if not _is_tree(child)}
+    if kind == "clear" and "EMPTY" in spoken and not objects[0].everything:
         objects = (_contents(objects[0]),)
+    if kind == "toss" and destination is None and not _only_from(objects):
+        # "Throw the can on the sofa" may say where to.
+        return Command("bare" if spoken.isdisjoint(("DISCARD", "AWAY", "UP")) else "toss", objects)
     if kind == "hold":
         where = objects[0].location
         if where is None or where.direction not in REFERENCE_DIRECTIONS:
@@ -297,11 +301,24 @@ def _command(tree: Any) -> Command:
         there = replace(where, direction="AGAINST")
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
     if kind == "liked":
-        # "I want the mug on the table" says where it shall be.
-        return Command("bare" if any(phrase.location for phrase in objects) else "bring", objects)
+        # "I want the mug on the table" says where it shall be, and "from the table" which one it is.
+        return Command("bring" if _only_from(objects) else "bare", objects)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
+
+
+def _only_from(phrases: Sequence[NounPhrase]) -> bool:
+    """Decide whether no place of things may be where they shall go."""
+    return all(phrase.location is None or phrase.location.direction in ("FROM", "OUTOF") for phrase in phrases)
+
+
+def _puts_away(tree: Any, destination: Location | None) -> bool:
+    """Decide whether "away" is where things go; in "put everything away into the fridge" it is not."""
+    before = next((child for child in tree.children if _is_tree(child) or str(child) == "away"), None)
+    if not any(str(child) == "away" for child in tree.children if not _is_tree(child)):
+        return False
+    return destination is None or (destination.direction in ("ON", "IN") and not _is_tree(before))
 
 
 def _place(tree: Any) -> Location:
@@ -323,7 +340,8 @@ def _place(tree: Any) -> Location:
 def _load(tree: Any) -> dict[str, Any]:
     """Return what a thing holds, and whether in or on it."""
     parts = _subtrees(tree)
-    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "FROM")
+    contains = any(child.type == "CONTAINING" for child in tree.children if not _is_tree(child))
+    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "OUTOF" if contains else "FROM")
     held = (part for part in parts if part.data not in ("within", "upon"))
     return {"load": tuple(map(_phrase, held)), "load_at": at}
 
@@ -353,8 +371,11 @@ def _phrase(tree: Any) -> NounPhrase:
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
     whichever = "A" in types or some_number or "ONE" in types
+    definite = "DETERMINER" in types
     if rule == "several":
-        return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
+        return NounPhrase(
+            words, states, location, door=door, several=True, count=count, whichever=whichever, definite=definite
+        )
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location", "load"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
@@ -371,6 +392,7 @@ def _phrase(tree: Any) -> NounPhrase:
         whichever=whichever,
         side=side,
         towards=bool(_TOWARDS & set(types)),
+        definite=definite,
         **load,
     )
 
@@ -436,6 +458,9 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
             following = pieces[index + length] if index + length < len(pieces) else ""
             if " " in phrase and _begins_a_name(phrase, following, lexicon):
                 continue
+            if lexicon.terminals.get(phrase) == "PARTOF" and (not tokens or tokens[-1].terminal not in _PREPOSITIONS):
+                # "The head of lettuce".
+                continue
             if phrase == "'s" and tokens and tokens[-1].terminal == "WORD" and not _is_named(following, lexicon):
                 # "Two cd's".
                 tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
@@ -456,22 +481,25 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 continue
             index += length
             break
+    return _in_context(tokens, lexicon), tuple(manner)
+
+
+def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWord, ...]:
+    """Return words with those left out or read otherwise whose neighbours decide what they are."""
+    tokens = list(words)
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
-    for index in range(1, len(tokens) - 1):
-        if tokens[index].text == "to" and tokens[index + 1].terminal == "PUT":
+    for index, (one, after) in enumerate(pairwise(tokens)):
+        if index and one.text == "to" and after.terminal == "PUT":
             # "Take the mug to put it on the table".
             tokens[index] = TaggedWord("THEN", "to")
-    for index in range(len(tokens) - 3, 0, -1):
-        # "The yellow and blue jar".
-        one, link, other, noun = tokens[index - 1 : index + 3]
-        if link.terminal == "AND" and noun.terminal == "WORD" and {one.text, other.text} <= lexicon.descriptions:
-            del tokens[index]
+        elif one.terminal in ("PUT", "TAKE") and one.text in lexicon.goes and after.terminal in _WAYS:
+            # "Move to the table".
+            tokens[index] = TaggedWord("DRIVE", one.text)
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
-    kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
-    return kept, tuple(manner)
+    return tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
 
 
 # Verbs that are nouns after an article and before "of".
@@ -513,9 +541,9 @@ def _is_named(piece: str, lexicon: Lexicon) -> bool:
 
 
 def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a phrase about the room is none: in "the kitchen table" and "in the kitchen drawer"."""
+    """Decide whether a phrase about the room is none: "the kitchen table", "in the corner of the table"."""
     is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
-    return is_room and _is_named(following, lexicon)
+    return is_room and (_is_named(following, lexicon) or following == "of")
 
 
 def _pieces(query: str) -> list[str]:
