@@ -60,6 +60,25 @@ def test_a_declared_primitive_is_proved_planned_mended_and_searched() -> None:
     assert left.edits == 0 and left.task is not None and len(left.task.subtasks) == 2
 
 
+@pytest.mark.parametrize("goal", ["(nextto apple_0 cup_0)", "(not (nextto apple_0 box_0))", "(nextto bowl_0 cup_0)"])
+def test_what_rides_on_a_pushed_thing_has_no_known_neighbours(goal: str) -> None:
+    things = {"apple_0": "apple", "bowl_0": "bowl", "box_0": "box", "cup_0": "cup", "table_0": "table"}
+    standing = [f"(ontop {name} table_0)" for name in ("bowl_0", "box_0", "cup_0")]
+    pairs = [("apple_0", "cup_0"), ("bowl_0", "cup_0")]
+    near = [f"(nextto {one} {other})" for pair in pairs for one, other in (pair, pair[::-1])]
+    here = oag.scene(things, [*standing, "(inside apple_0 bowl_0)", *near], "all", domain=NEXT_TO)
+    pushed = oag.task(here, goal=goal, steps=["PUSH bowl_0 box_0 table_0"])
+    report = oag.compose(pushed).verify()
+    assert report.verdict is oag.Verdict.CONDITIONAL and confirmed(report)
+    settled = replace(pushed, goal=bddl.parse_formula("(and (nextto box_0 bowl_0) (inside apple_0 bowl_0))"))
+    assert oag.compose(settled).verify()
+
+
+def test_a_thing_put_down_next_to_another_is_next_to_it_both_ways() -> None:
+    here = kitchen()
+    assert oag.compose(oag.task(here, goal="(nextto cup_0 apple_0)", steps=STEPS)).verify()
+
+
 def test_a_flow_that_no_row_allows_is_refuted_with_a_proof() -> None:
     here = replace(kitchen(), facts=(bddl.parse_formula("(inside apple_0 drawer_0)"),))
     goal = bddl.parse_formula("(nextto apple_0 cup_0)")
