@@ -17,8 +17,11 @@ import bddl
 import oag
 from executor.skills.library import MissingSkill, require_skills
 from oag import pddl
+from oag.model.actions import flow_to_json
+from oag.model.diagnostics import RecordError
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
+from oag.revision import Attempt, Critique, History, Revision, admissible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
 
@@ -101,6 +104,32 @@ def test_a_certificate_is_of_its_domain_alone() -> None:
     assert oag.recheck(forged.certificate) and not oag.recheck(forged.certificate, scene=here)
     row["objects"].reverse()
     assert oag.Domain.from_json(data["domain"]).digest != loose.digest
+
+
+def test_a_scene_s_json_has_its_domain_and_no_other_is_accepted() -> None:
+    here = kitchen()
+    data = json.loads(json.dumps(here.to_json()))
+    assert oag.Scene.from_json(data) == oag.Scene.from_json(data, NEXT_TO) == here
+    other = replace(NEXT_TO, name="other")
+    with pytest.raises(oag.SceneError, match="next_to, and another one was given: other"):
+        oag.Scene.from_json(data, other)
+    data["domain"]["primitives"]["PUSH"]["needs"] = ["(flies ?thing)"]
+    with pytest.raises(DomainError, match="flies"):
+        oag.Scene.from_json(data)
+    assert "domain" not in scene("T1").to_json()
+
+
+def test_a_history_and_a_revision_are_read_in_their_domain() -> None:
+    task = oag.task(kitchen(), goal="(nextto apple_0 cup_0)", steps=STEPS)
+    flow = task.subtasks[-1].flow
+    assert flow is not None
+    critique = Critique(2, flow[2].primitive, motion_verified=False)
+    tried = History(2).add(Attempt(flow, "failed", 2, critiques=(critique,)), Revision(flow[2:], "sequence", "shorter"))
+    assert History.from_json(json.loads(json.dumps(tried.to_json())), NEXT_TO) == tried
+    with pytest.raises(RecordError, match="PLACE_NEXT_TO"):
+        History.from_json(tried.to_json())
+    written = flow_to_json(flow)
+    assert admissible(task, 2, written).flow == flow
 
 
 def test_a_domain_and_its_primitives_travel_between_processes() -> None:

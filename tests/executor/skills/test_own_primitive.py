@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -12,7 +13,9 @@ import pytest
 
 import oag
 from executor import add_skill, feasible, rollout
-from executor.scenes.file import complete_scene
+from executor.reports.run_folder import RunFolder
+from executor.rollouts.run_record import RunRecord
+from executor.scenes.file import complete_scene, load_scene
 from executor.skills.library import MissingSkill, require_skills, skill_of
 from executor.skills.session import Session, StepResult
 from tests.source_tree import ROOT
@@ -69,6 +72,24 @@ def test_a_primitive_without_a_skill_is_refused_and_no_name_has_two() -> None:
     for name in ("GRASP", "WAVE"):
         with pytest.raises(ValueError, match=name):
             add_skill(name, stay)
+
+
+def test_an_episode_in_an_own_domain_is_written_and_read(tmp_path: Path) -> None:
+    row = {"objects": {"?a": "item"}, "writes": ["(lit ?a)"]}
+    domain = oag.Domain.from_json({"name": "lamps", "predicates": {"lit": ["a"]}, "primitives": {"SHINE": row}})
+    scene = replace(two_things(0), domain=domain)
+    scene = replace(scene, facts=(*scene.facts, domain.formula("(not (lit a_0))")))
+    add_skill("SHINE", lambda session, action: session.done(action))
+    task = oag.task(scene, goal="(lit a_0)", steps=["SHINE a_0"])
+    back = oag.Action(oag.Primitive.MOVE_BASE_BACKWARD, 0.1)
+    flow = (back, oag.Action(domain.primitive("SHINE")))
+    graph = oag.compose(replace(task, subtasks=(replace(task.subtasks[0], flow=flow),)), scene=scene)
+    done = rollout(graph, scene, 0, vary=False)
+    folder = RunFolder.prepare(tmp_path)
+    folder.write_rollout(RunRecord(graph, graph.verify(), rollout=done))
+    folder.write_episode(done, None)
+    assert {"scene.json", "episode.hdf5"} <= set(folder.written())
+    assert load_scene(tmp_path / "scene.json").domain == domain
 
 
 @pytest.mark.physics
