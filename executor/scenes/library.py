@@ -69,16 +69,17 @@ def load_own(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene:
             from the library and geometry.
     """
     path = file_of(name_or_path)
+    option = "" if domain.built_in else " --domain DOMAIN.toml"
     if path is None:
         return described_in(load(str(name_or_path)), domain)
     if holds_cousins(path):
         problem = "has the form of Digital Cousins, and what is compared has this project's own"
-        hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
+        hint = f"scene2demo scenes {path}{option} --out SCENE.json writes it so"
         raise SceneError(problem, source=path.name, hint=hint)
     document = load_json(path, SceneError)
     if isinstance(document.data, dict) and document.data.get("closed") is None:
         problem = "has no 'closed': what geometry says of it is not in it"
-        raise document.fail((), problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
+        raise document.fail((), problem, f"scene2demo scenes {path}{option} --out SCENE.json writes it whole")
     return Scene.from_json(path, domain)
 
 

@@ -131,10 +131,9 @@ def recheck(
 
 
 def _other_domain(data: Mapping[str, Any], domain: Domain) -> str:
-    own = not domain.built_in or "domain" in data
-    return (
-        f"it is about another domain than {domain.name}" if own and data["library_sha"] != library_sha(domain) else ""
-    )
+    if (domain.built_in and "domain" not in data) or data["library_sha"] == library_sha(domain):
+        return ""
+    return f"it is about another domain than {domain.name}"
 
 
 def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:
