@@ -27,6 +27,7 @@ from pathlib import Path
 
 import bddl
 from bddl.errors import Scene2DemoError
+from executor.campaign.versions import outcome_version
 from executor.records import FailureKind, Rollout
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
@@ -168,15 +169,23 @@ def _left_out(passed: list[LeftOut]) -> dict[str, int]:
     return {"passed_over": len(passed), "infeasible": sum(one.infeasible for one in passed)}
 
 
-def _finished(path: Path | None) -> dict[tuple[int, bool], dict[str, object]]:
-    if path is None or not path.exists():
+def finished_units(path: Path | None) -> dict[tuple[int, bool], dict[str, object]]:
+    """Print and return the finished units of this version; a line that was cut by a kill is no unit."""
+    if path is None or not path.is_file():
         return {}
-    units = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return {(each["seed"], each["cargo"]): each for each in units}
+    version = outcome_version()
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        path.write_text("".join(lines[:-1]), encoding="utf-8")
+    units = [json.loads(line) for line in lines if line.endswith("\n")]
+    kept = {(each["seed"], each["cargo"]): each for each in units if each.get("version") == version}
+    for each in kept.values():
+        print(json.dumps(each), flush=True)
+    return kept
 
 
 def _run_and_keep(seed: int, path: Path | None, *, cargo: bool) -> dict[str, object]:
-    found = unit(seed, cargo=cargo)
+    found = {"version": outcome_version(), **unit(seed, cargo=cargo)}
     line = json.dumps(found)
     print(line, flush=True)
     if path is not None:
@@ -193,7 +202,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=74000, help="of the first kitchen")
     parser.add_argument("--units", type=Path, help="file of finished units, which are not run again")
     args = parser.parse_args()
-    finished = _finished(args.units)
+    path: Path | None = args.units
+    if path is not None and not (path.is_file() or (path.parent.is_dir() and not path.exists())):
+        parser.error(f"--units {path}: expected a file, or a name for one in a folder that exists")
+    finished = finished_units(args.units)
     ran: list[dict[str, object]] = []
     early = infeasible = 0
     for cargo, count in ((False, args.plans), (True, args.cargo)):

@@ -65,6 +65,8 @@ class EvolutionSetup:
         self.views = parse_views(options.views)
         if options.look_back < 0:
             raise BadOption("--look-back", options.look_back, "0 or more")
+        if options.inspect == "faulty" and options.model is None:
+            raise BadOption("--inspect", options.inspect, "--model with it: without one, measurements judge all steps")
         if options.inspect == "faulty" and not options.measurements:
             raise BadOption("--inspect", options.inspect, "no --no-measurements: measurements tell what is faulty")
         if not self.views and not options.measurements:

@@ -123,12 +123,12 @@ def typed_command(command: str, options: CommonOptions, positional: str, without
         command: The sub-command.
         options: Its options.
         positional: Name of the field that is typed without a name.
-        without: Names of fields to leave out, besides those that do not change the results.
+        without: Names of fields to leave out, besides those of output, of going on, and of budgets.
     """
-    return shlex.join(["scene2demo", *command.split(), *option_words(options, positional, {*_SAME_RESULTS, *without})])
+    return shlex.join(["scene2demo", *command.split(), *option_words(options, positional, {*_LEFT_OUT, *without})])
 
 
-_SAME_RESULTS = ("json", "debug", "force", "resume", "max_tokens", "max_cost_usd", "max_time_s")
+_LEFT_OUT = ("json", "debug", "force", "resume", "max_tokens", "max_cost_usd", "max_time_s")
 
 
 def option_words(options: object, positional: str = "", without: Collection[str] = ()) -> Iterator[str]:
@@ -149,7 +149,9 @@ def option_words(options: object, positional: str = "", without: Collection[str]
         elif tyro.conf.UseAppendAction in get_args(hints[field.name]):
             yield from (word for one in value for word in (name, str(one)))
         else:
-            yield from (name, *map(str, value if isinstance(value, tuple) else (value,)))
+            words = [*map(str, value if isinstance(value, tuple) else (value,))]
+            # A separate word that begins with two dashes would be read as an option.
+            yield from (f"{name}={words[0]}",) if len(words) == 1 and words[0].startswith("--") else (name, *words)
 
 
 class RolloutProgress:

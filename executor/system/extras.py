@@ -26,6 +26,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),
         "vision": ("transformers", "torch", "safetensors"),
+        "testing": ("hypothesis",),
         "rerun": ("rerun-sdk",),
         "ray": ("ray",),
     }

@@ -2,7 +2,7 @@
 
 The library handles addresses, authentication, connections, retries with growing waits, and `Retry-After`. This
 file writes request bodies; `llm.client.completion` reads the answers. It also holds what is the same for every
-provider: the limit on an answer's size, deadlines over all attempts, cancellation. Only this file knows the key; it
+provider: the limit on an answer's size, deadlines over all attempts. Only this file knows the key; it
 is removed from everything a server writes.
 """
 

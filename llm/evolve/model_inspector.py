@@ -40,6 +40,7 @@ from llm.structured.schema import (
 )
 from oag import Diagnostic, Primitive
 from oag.measurements import MeasuredEvidence
+from oag.model.domain import own_of
 from oag.model.symbols import ARTICULATIONS
 from oag.revision import Critique, Origin
 
@@ -139,7 +140,7 @@ class ModelInspector:
         pictures = select_pictures(attempt, shown, self.views, self.most_pictures)
         section = ""
         if measured is not None:
-            # The evidence without the verdict: the model is to reach its own.
+            # Readings and the recorded failure are evidence; the judgement of the step is the model's own.
             lines = f"the goal's conditions: {measured.state_contrast}\n{numbers_text(measured.evidence)}".rstrip()
             head = "What was measured of the step (m, rad, s as the names say; it is exact)"
             section = f"{head}:\n{fenced('measured', lines)}\n"
@@ -169,7 +170,8 @@ class ModelInspector:
 
 def _is_uncertain(measured: Critique) -> bool:
     """Decide whether a step is there to change an object, and nothing was measured of the change."""
-    return measured.state_reached is None and measured.primitive in _CHANGES_OBJECTS
+    changes = measured.primitive in _CHANGES_OBJECTS or own_of(measured.primitive) is not None
+    return measured.state_reached is None and changes
 
 
 def _critique(

@@ -263,6 +263,8 @@ def primitives_text(only: Primitive | None = None) -> str:
     """Return the library of primitives, or one row of it, with an explanation of its words."""
     head, *rows = primitive_table().splitlines()
     shown = [row for row in rows if only is None or row.startswith(f"{int(only)} |")]
+    if not shown and only is not None:
+        shown = [f"{int(only)} | {only.name}: of the task's own domain, which is not part of this table"]
     return render("structured/primitives", table="\n".join((head, *shown))).rstrip()
 
 

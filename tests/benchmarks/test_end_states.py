@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import bddl
-from benchmarks.end_states import Compared, compared
+from benchmarks.end_states import Compared, compared, finished_units
+from executor.campaign.versions import outcome_version
 from executor.records import Failure, FailureKind
 from oag.measurements import GoalReading
 
@@ -32,3 +35,11 @@ def ran(failure: FailureKind | None, readings: tuple[GoalReading, ...], at_end: 
 )
 def test_only_a_step_that_failed_ends_a_comparison_early(rollout: Any, expected: Compared) -> None:
     assert compared(rollout, FACTS) == expected
+
+
+def test_finished_units_are_kept_and_a_cut_line_is_dropped(tmp_path: Path) -> None:
+    path = tmp_path / "units.jsonl"
+    unit = {"version": outcome_version(), "seed": 1, "cargo": True, "cpu_s": 2.0}
+    path.write_text(f'{json.dumps(unit)}\n{json.dumps(unit | {"version": "other", "seed": 2})}\n{{"seed": 3, ')
+    assert finished_units(path) == {(1, True): unit}
+    assert path.read_text().count("\n") == 2 and path.read_text().endswith("\n")

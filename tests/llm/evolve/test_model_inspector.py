@@ -110,6 +110,12 @@ def test_the_measured_verdict_is_no_part_of_the_question() -> None:
     measured = MeasuredInspector().inspect(ajar(), 4)
     assert measured.text not in question(judge.asked[0]) and "state reached" not in question(judge.asked[0])
     assert measured.state_contrast in question(judge.asked[0])
+    failed = [step.step for step in ajar().steps if step.failure]
+    assert failed
+    for step in failed:
+        inspect(judge, step)
+        verdict = MeasuredInspector().inspect(ajar(), step)
+        assert f"motion as meant: {verdict.motion_verified}" not in question(judge.asked[-1])
 
 
 @pytest.mark.parametrize(
