@@ -46,8 +46,9 @@ def _flag(value: object) -> bool | None:
 
 
 def _primitive(value: object, domain: Domain) -> Primitive:
-    named = isinstance(value, str) and bool(value.strip())
-    found = Primitive.__members__.get(value) or domain.primitive(value) if named else None
+    found = None
+    if isinstance(value, str) and value.strip():
+        found = Primitive.__members__.get(value) or domain.primitive(value)
     if found is None:
         raise ValueError(f"there is no primitive {shown(value)}")
     return found

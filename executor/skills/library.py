@@ -155,7 +155,8 @@ def add_skill(name: str, runner: Runner, *, replace: bool = False) -> None:
         TypeError: The name is no text, or the runner no function.
         ValueError: The name is empty, one of the 21, or has another skill already.
     """
-    if not isinstance(name, str) or not callable(runner):
+    given: tuple[object, object] = name, runner  # As untyped programs and notebooks hand them over.
+    if not isinstance(given[0], str) or not callable(given[1]):
         raise TypeError(f"expected the name of a row and a function, got {name!r} and {runner!r}")
     if not name.strip():
         raise ValueError("the name is empty, expected that of a row, such as PUSH")

@@ -123,7 +123,7 @@ def execute(options: Options) -> int:
     reason = unskilled if report else "the plan is not proved"
     if options.json:
         head = {"ok": code == DONE, "exit_code": code, **head, "notes": list(notes)}
-        plan = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
+        plan: dict[str, object] = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
         plan |= {} if found is not None else {"not_asked": reason}
         print_json({**head, **report.to_json(), **plan})
     elif found is None:

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,9 +79,14 @@ def test_a_primitive_without_a_skill_is_refused_and_no_name_has_two() -> None:
     bound = _Stayer()
     add_skill("STAY", bound.stay)
     add_skill("STAY", bound.stay)
-    for name, runner, error in ((3, stay, TypeError), ("NOD", "stay", TypeError), (" ", stay, ValueError)):
+    wrong: list[tuple[Any, Any, type[Exception]]] = [
+        (3, stay, TypeError),
+        ("NOD", "stay", TypeError),
+        (" ", stay, ValueError),
+    ]
+    for row, runner, error in wrong:
         with pytest.raises(error):
-            add_skill(name, runner)  # type: ignore[arg-type]
+            add_skill(row, runner)
 
 
 class _Stayer:
