@@ -12,6 +12,7 @@ class LostCause(Enum):
     """Why something with a box is not in the scene; the value is half a sentence for people."""
 
     NO_ROOM = "the scene cannot be with it"
+    STANDS = "nothing level is below its box, and what has its name stands on the floor"
     NO_TIME = "it was not fitted before Ctrl-C"
 
 

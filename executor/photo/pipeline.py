@@ -35,8 +35,9 @@ from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
 from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
 from executor.photo.networks.masks import Masker
+from executor.photo.overlaps import SAME_HEIGHT_M
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
-from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
+from executor.photo.scene import MadeScene, RoomVariation, scene_of, variations_of
 
 OnSentence = Callable[[str], None]
 

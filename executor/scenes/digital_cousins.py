@@ -108,6 +108,8 @@ def read(path: Path) -> Reconstruction:
         hint = "name the file of one of them, such as scene_0/scene_0_info.json"
         raise document.fail((), f"holds the scenes {', '.join(document.data)}", hint)
     form = document.read(_Info)
+    if not form.objects:
+        raise document.fail(("objects",), "has no object", "expected one or more, by their names")
     T_camera = form.cam_pose
     cousins = tuple(
         Cousin(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import random
 import re
 import tomllib
 from pathlib import Path
@@ -37,6 +38,18 @@ def test_spent_pictures_judge_no_more() -> None:
     assert spent < set(ENTRIES) and not spent & judging
     for has_depth in (True, False):
         assert sum(("depth" in ENTRIES[name]) == has_depth for name in judging) >= 6
+
+
+def test_the_first_halves_are_as_drawn() -> None:
+    index = tomllib.loads(INDEX.read_text(encoding="utf-8"))
+    first = [name for name, entry in ENTRIES.items() if entry["half"] == "tuning"]
+    for has_depth in (True, False):
+        group = sorted(name for name in first if ("depth" in ENTRIES[name]) == has_depth)
+        fixed = [name for name in group if name in index["fixed"]]
+        drawn = [name for name in group if name not in index["fixed"]]
+        random.Random(index["seed"]).shuffle(drawn)
+        tuning = {*fixed, *drawn[: len(group) // 2 - len(fixed)]}
+        assert set(group) - tuning == set(index["spent"]) & set(group)
 
 
 @pytest.mark.parametrize("name", ENTRIES)

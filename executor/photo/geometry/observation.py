@@ -271,14 +271,14 @@ def floor_below(
     if lowest.height_m > HEIGHTS_M[1]:
         problem = f"no floor is seen in it: the lowest level plane is {lowest.height_m:.2f} m below the camera"
         raise PhotoRefused("floor", source, problem, f"expected at most {HEIGHTS_M[1]:g} m; {_SHOW_IT}")
-    if small := _small_floor(found, lowest, things):
-        return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
-    carrier = _carrier(found, things)
     if given_m is not None:
         nearest = min(found.planes, key=lambda one: abs(one.height_m - given_m))
         if abs(nearest.height_m - given_m) < _AS_GIVEN * given_m:
             return _floor(found.up, nearest, "plane fitted to the depth, as far below the camera as given")
         return _below(found.up, lowest, given_m, "the camera's height as given; the depth shows no floor there")
+    if small := _small_floor(found, lowest, things):
+        return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
+    carrier = _carrier(found, things)
     if carrier is None and lowest.height_m >= _DESK_M:
         return _floor(found.up, lowest, "plane fitted to the depth")
     named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))

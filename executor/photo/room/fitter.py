@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+from executor.assets.families.generic import THING
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
+from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import (
     assess_fit,
     fills_picture,
@@ -20,10 +22,11 @@ from executor.photo.fitting.fit import (
 from executor.photo.fitting.hypothesis import raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext, usual_size_m
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import feet_of, generic_models, named_models
+from executor.photo.fitting.starts import feet_of, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Detection, plain_name
 from executor.photo.room.estimate import RoomEstimate
+from oag.model.symbols import has_boards, is_known
 
 LEAST_IN_BOX = 0.5
 """IoU of a box with the visible part of its fit: with less, something else is fitted, or elsewhere."""
@@ -70,9 +73,7 @@ class RoomFitter:
             if found.in_box >= LEAST_IN_BOX and found.explained >= _LEAST_EXPLAINED:
                 best = found
                 break
-        if best is None:
-            best = self._hung(index, around)
-        return room.add_fit(index, best)
+        return room.add_fit(index, self._hung(index, around) if best is None else best)
 
     def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
         """Fit one object by the likeliest start of a search, which takes a fraction of a second.
@@ -83,6 +84,8 @@ class RoomFitter:
         """
         room = self.room
         found = next(self._fits(index, bottoms_m, (), rough=True), None) or self._hung(index, room.around(index))
+        if found is None:
+            return
         room.add_fit(index, _of_size(found, room.detections[index]))
         room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
 
@@ -124,9 +127,16 @@ class RoomFitter:
             if found is not None:
                 yield found
 
-    def _hung(self, index: int, around: SearchContext) -> Fit:
-        """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture."""
+    def _hung(self, index: int, around: SearchContext) -> Fit | None:
+        """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.
+
+        What only stands on the floor is lost.
+        """
         room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
+        entries = _hung_models(room.detections[index])
+        if not entries:
+            room.lost[index] = LostCause.STANDS
+            return None
         under = []
         for other, fit in room.fits.items():
             left, top, right, bottom = room.detections[other].box_px
@@ -134,7 +144,6 @@ class RoomFitter:
             under.append((aside_px, max(0.0, top - y1) if bottom > y1 else math.inf, fit.guess))
         _, _, below = min(under, key=lambda one: one[:2], default=(0.0, 0.0, None))
         far_m = _HUNG_M if below is None else math.hypot(below.x_m, below.y_m)
-        entries = [*_models(room.detections[index]), *generic_models(room.detections[index])]
         return fit_hung(around, room.detections[index].box_px, entries, far_m)
 
     def _feet(self, index: int, entry: ModelEntry) -> Array:
@@ -170,6 +179,14 @@ def _models(detection: Detection) -> list[ModelEntry]:
     """Return the library's models of what a detection is called, with as many doors and drawers as are given."""
     named = [entry for entry in named_models(detection) if entry.model in LIBRARY]
     return with_parts(named, detection.doors, detection.drawers)
+
+
+def _hung_models(detection: Detection) -> list[ModelEntry]:
+    """Return the models of what hangs: a cabinet is a box there; other furniture that stands on the floor has none."""
+    category = detection.category or plain_name(detection.label) or THING
+    if has_boards(category) or not stands_on_floor(detection):
+        return [*_models(detection), *generic_models(detection)]
+    return [] if is_known(category) and category != "bottom_cabinet" else generic_models(detection)
 
 
 def _shown(entries: Sequence[ModelEntry], around: SearchContext) -> Sequence[ModelEntry]:

@@ -21,9 +21,10 @@ from executor.photo.geometry.observation import Noise, Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.picture import Intrinsics
+from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
-from executor.photo.scene import resolve_overlaps, scene_json, scene_of, variations_of
+from executor.photo.scene import scene_json, scene_of, variations_of
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")

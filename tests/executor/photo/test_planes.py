@@ -18,7 +18,7 @@ from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
 from executor.photo.geometry.lines import find_upright
 from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, unnamed_top
-from executor.photo.geometry.planes import level_planes
+from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
 from executor.photo.inputs.annotations import Detection, boxes_in
 from executor.photo.inputs.depth import Depth, depth_in
 from executor.photo.inputs.picture import CameraFacts, Exif, Intrinsics, Photograph, read_facts, up_in_camera
@@ -99,6 +99,17 @@ def test_a_floor_below_a_table_is_the_floor_though_the_tables_box_is_around_both
     found = level_planes(depth_of(up_in_camera(35.0, 0.0), 1.4, 0.66), CAMERA)
     floor = floor_below("p", found, [Detection("desk", "desk", EVERYTHING, 1.0, "me")])
     assert floor.height_m == pytest.approx(1.4, abs=0.02) and floor.above_top_m is None and floor.visible_m2 > 0.2
+
+
+@pytest.mark.parametrize(("given_m", "height_m"), [(None, 1.3), (0.72, 0.7), (1.6, 1.6)])
+def test_a_given_height_decides_also_where_a_small_floor_is_visible(given_m: float | None, height_m: float) -> None:
+    u, v = np.meshgrid(np.arange(100, 300, 4), np.arange(100, 300, 4))
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
+    top, low = LevelPlane(0.7, 0.8, 0.003, pixels), LevelPlane(1.3, 0.05, 0.003, pixels[:50] + 300)
+    found = LevelPlanes(np.array([0.0, 0.0, 1.0]), (low, top))
+    can = Detection("can", "can", (90.0, 90.0, 310.0, 310.0), 1.0, "drawn")
+    floor = floor_below("p", found, [can], CameraFacts(height_m=given_m))
+    assert floor.height_m == pytest.approx(height_m)
 
 
 def test_a_given_height_decides_and_a_given_tilt_stands_where_nothing_level_is_measured() -> None:

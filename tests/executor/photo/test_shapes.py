@@ -16,18 +16,24 @@ import llm
 from executor.assets.asset_geometry import bounds
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY, asset_for
-from executor.geometry import Array
+from executor.geometry import Array, rotation_z
+from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import PixelEvidence, colour_name, with_colour
-from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.observation import Observation
+from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
+from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import RoomEstimate, heights_under, is_on_one, tops_of
 from executor.photo.room.fitter import LEAST_IN_BOX
 from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
-from executor.photo.scene import resolve_overlaps, scene_of
-from oag import SceneObject, compose
+from executor.photo.scene import scene_of
+from executor.photo.yielding import YIELDS, yielding
+from llm.vision import overlap
+from oag import Scene, SceneObject, compose
+from oag.model.scene import RobotPose
 from oag.model.symbols import Kind
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
@@ -130,13 +136,44 @@ def test_what_the_sensor_does_not_see_is_fitted_to_its_box() -> None:
     assert room.things[1].id == "vase_0" and room.things[1].fit.in_box > 0.7
 
 
-@pytest.mark.parametrize("label", ["can", "television", "wall cabinet", "statue"])
-def test_a_box_above_every_horizon_hangs_in_its_box(label: str) -> None:
+def above_every_horizon(label: str, box_px: tuple[float, float, float, float]) -> FittedRoom:
+    """Return the room of one box in a picture without depth."""
     seen, _ = seen_from_above(TABLE)
     flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
-    above = Detection(label, plain_name(label), (20.0, 2.0, 30.0, 9.0), 1.0, "drawn")
-    room = reconstruct(flat, [above], ())
-    assert room.unfitted == () and room.things[0].fit.guess.bottom_m > 0.0
+    category = "bottom_cabinet" if label == "cabinet" else plain_name(label)
+    return reconstruct(flat, [Detection(label, category, box_px, 1.0, "drawn")], ())
+
+
+@pytest.mark.parametrize(
+    ("label", "box_px", "least"),
+    [
+        ("can", (20.0, 2.0, 30.0, 9.0), LEAST_IN_BOX),
+        # The box is smaller than any wall cabinet.
+        ("wall cabinet", (20.0, 2.0, 60.0, 20.0), 0.15),
+        ("television", (20.0, 2.0, 60.0, 20.0), LEAST_IN_BOX),
+        ("statue", (20.0, 2.0, 30.0, 20.0), LEAST_IN_BOX),
+        ("cabinet", (20.0, 2.0, 100.0, 20.0), LEAST_IN_BOX),
+    ],
+)
+def test_a_box_above_every_horizon_hangs_in_its_box(
+    label: str, box_px: tuple[float, float, float, float], least: float
+) -> None:
+    room = above_every_horizon(label, box_px)
+    assert room.unfitted == () and room.things[0].fit.hangs and room.things[0].fit.guess.bottom_m > 0.5
+    seen, _ = seen_from_above(TABLE)
+    shown = np.isfinite(picture_of(room.things[0].fit.guess, seen)[0])
+    assert overlap(box_of(shown), box_px) > least
+
+
+@pytest.mark.parametrize("label", ["table", "refrigerator", "stool"])
+def test_what_stands_on_the_floor_by_its_name_does_not_hang(label: str) -> None:
+    room = above_every_horizon(label, (5.0, 1.0, 90.0, 6.0))
+    assert room.things == () and [one.cause for one in room.unfitted] == [LostCause.STANDS]
+
+
+def test_what_hangs_is_noted() -> None:
+    _, made = scene_of(above_every_horizon("wall cabinet", (20.0, 2.0, 60.0, 12.0)), "drawn")
+    assert any("hangs" in note for note in made.notes)
 
 
 @given(st.floats(-0.04, 0.04), st.floats(-0.04, 0.04))
@@ -160,14 +197,60 @@ def test_what_stands_on_nothing_that_has_a_box_is_put_down() -> None:
     assert any("was put down" in note for note in made.notes)
 
 
-@pytest.mark.parametrize("aside_m", [0.0, 0.3])
-def test_what_physics_refuses_is_kept_where_it_is_free(aside_m: float) -> None:
-    sofa = PoseHypothesis(LIBRARY["sofa_two_seats"], 2.3, 0.0, 0.0, 0.0, (0.85, 1.7, 0.8))
-    pillow = replace(shape("generic_box", (0.4, 0.4, 0.35)), x_m=2.5, y_m=aside_m, bottom_m=0.3)
-    seen, (box, other) = seen_from_above(sofa, pillow)
-    found = known(seen, (box, sofa), (replace(other, label="pillow"), pillow))
+WIDE = replace(shape("generic_box", (0.9, 0.9, 0.6)), x_m=2.4, y_m=0.0, bottom_m=0.2)
+SOFA = PoseHypothesis(LIBRARY["sofa_two_seats"], 2.3, 0.0, 0.0, 0.0, (0.85, 1.7, 0.8))
+
+
+@pytest.mark.parametrize(
+    ("pillow", "given_m", "shares"),
+    [
+        # A free place is near: it goes there as it is.
+        (replace(shape("generic_box", (0.4, 0.4, 0.35)), x_m=2.5, y_m=0.0, bottom_m=0.3), None, (1.0, 1.0)),
+        (replace(shape("generic_box", (0.4, 0.4, 0.35)), x_m=2.5, y_m=0.3, bottom_m=0.3), None, (1.0, 1.0)),
+        # There is none for a thing of that depth: it becomes half as deep.
+        (WIDE, None, (0.5, 1.0)),
+        # A size that a person gave stays.
+        (replace(shape("generic_box", (0.6, 0.6, 0.5)), x_m=2.3, y_m=0.0, bottom_m=0.1), (0.6, 0.6, 0.5), (1.0, 1.0)),
+    ],
+)
+def test_what_physics_refuses_is_kept_where_it_is_free(
+    pillow: PoseHypothesis, given_m: tuple[float, float, float] | None, shares: tuple[float, float]
+) -> None:
+    seen, (box, other) = seen_from_above(SOFA, pillow)
+    found = known(seen, (box, SOFA), (replace(other, label="pillow", size_m=given_m), pillow))
     room, made = scene_of(found, "drawn")
     assert made.refused == "" and room.unfitted == () and [one.id for one in room.things] == list(found.guesses)
+    size_m = room.things[1].fit.guess.size_m
+    assert size_m == pytest.approx((shares[0] * pillow.size_m[0], shares[1] * pillow.size_m[1], pillow.size_m[2]))
+    resized_m = (1.0 - shares[0]) * pillow.size_m[0]
+    assert [note for note in made.notes if f"resized by {100 * resized_m:.1f} cm" in note and "pillow_1" in note]
+
+
+def test_what_a_person_measured_is_left_out_where_it_fits_nowhere() -> None:
+    seen, (box, other) = seen_from_above(SOFA, WIDE)
+    found = known(seen, (box, SOFA), (replace(other, label="pillow", size_m=WIDE.size_m), WIDE))
+    room, made = scene_of(found, "drawn")
+    assert made.refused == "" and [one.cause for one in room.unfitted] == [LostCause.NO_ROOM]
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-0.9, 0.9), st.integers(1, len(YIELDS) - 1))
+def test_what_yields_is_a_share_of_its_first_fit_with_its_front_and_height(yaw: float, at: float, number: int) -> None:
+    alone = replace(shape("generic_box", (0.5, 0.3, 0.4), yaw_rad=yaw), x_m=2.0, y_m=at, bottom_m=0.0)
+    box = Detection("crate", "crate", (0.0, 0.0, 9.0, 9.0), 1.0, "drawn")
+    fit = Fit(alone, 0.0, (), 1.0, 0.005, 100, None, (0.01, 0.01))
+    scene = Scene("drawn", RobotPose(), {"crate_0": alone.as_object("crate_0")})
+    after = yielding(FittedThing("crate_0", box, fit), scene, scene, number)
+    # The shares, in the thing's own frame: its depth is along the axis that the view is nearest to.
+    deep_share, wide_share, _ = YIELDS[number]
+    view = rotation_z(yaw)[:2, :2].T @ [2.0, at]
+    deep = int(abs(view[1]) > abs(view[0]))
+    shares = np.array([wide_share, wide_share, 1.0])
+    shares[deep] = deep_share
+    assert after.size_m == pytest.approx(shares * alone.size_m)
+    moved = rotation_z(yaw)[:2, :2].T @ [after.x_m - alone.x_m, after.y_m - alone.y_m]
+    front = -np.sign(view[deep])
+    assert moved[deep] + front * after.size_m[deep] / 2 == pytest.approx(front * alone.size_m[deep] / 2)
+    assert moved[1 - deep] == pytest.approx(0.0, abs=1e-9) and after.bottom_m == pytest.approx(0.0, abs=1e-9)
 
 
 @given(st.floats(0.1, 0.8), st.floats(-math.pi, math.pi))

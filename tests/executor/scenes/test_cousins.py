@@ -143,6 +143,7 @@ def test_what_cannot_be_placed_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"objects": {}}, "objects: has no object"),
         ({"cam_pose": [[0, 0, 1]]}, r"cam_pose: expected a position x y z and a quaternion x y z w"),
         ({"cam_pose": [[0, 0, 1], [0, 0, 0, 2]]}, r"cam_pose\[1\]: expected a unit quaternion x y z w"),
         ({"objects": {"a_0": {"category": "apple", "bbox_extent": [1, 1, 1]}}}, "field 'tf_from_cam' is missing"),

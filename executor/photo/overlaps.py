@@ -1,0 +1,318 @@
+"""Overlaps of a reconstruction are resolved: furniture out of walls and of other furniture, things onto their tops."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.assets.families.generic import GENERIC
+from executor.assets.footprint import Footprint, overlap_depth_m, region_frame, solid_parts, swept_parts
+from executor.assets.library import asset_for
+from executor.geometry import rotation_z
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
+from executor.photo.fitting.likelihood import AT_WALLS
+from executor.photo.geometry.walls import Wall
+from executor.photo.room.estimate import is_item, is_on_one, tops_of
+from oag.model.symbols import Kind, kind_of
+
+SAME_HEIGHT_M = 0.02
+"""Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
+
+CLEARANCE_M = 0.001
+"""Between things that were separated."""
+
+EDGE_M = 0.004
+"""Between a thing's middle and the edge of its top, at least."""
+
+_ROUNDS = 4
+_SHAVED_M = 0.08
+"""Two pieces in a row that overlap by less are both made narrower: their sides were misjudged."""
+
+_OPENED_RAD, _SWING_STEPS = math.pi / 2, 16  # As doors are opened where people live.
+_NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at 5 m.
+_PARALLEL = math.sin(math.radians(8.0))
+_EDGE_STEPS = 24
+_HIGHER_M = 0.002
+_NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top beside it.
+_FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
+_GUESSED_FAR_M = 1.5  # Without depth it was fitted to a top's height, and may be off by the error of both sizes.
+_GROWN_M = 1.0  # A table is fitted to what is visible of it: things at the height of its top are on it so far off.
+_ON_ITEM, _ON_TOP = 0.7, 0.4
+"""Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
+
+_REPORTED_M = 0.005
+
+
+def resolve_overlaps(
+    guesses: Mapping[str, PoseHypothesis],
+    walls: Sequence[Wall],
+    same_height_m: float = SAME_HEIGHT_M,
+    hung: Collection[str] = (),
+    fitted: Mapping[str, PoseHypothesis] | None = None,
+) -> tuple[dict[str, PoseHypothesis], list[str]]:
+    """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
+
+    Args:
+        guesses: id -> pose hypothesis.
+        walls: The walls.
+        same_height_m: Tolerance between an object and the top that it stands on.
+        hung: Furniture among them that stays where it is.
+        fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
+    """
+    room = dict(guesses)
+    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0]
+    # What carries others is placed before them.
+    small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
+    for key in large:
+        if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
+            room[key] = _aligned(room[key], walls)
+    for key in small:
+        tops = tops_of(one for other, one in room.items() if other != key)
+        if key not in hung and not is_on_one(room[key], tops, same_height_m):
+            _let_carry(room, key)
+    for _ in range(_ROUNDS):
+        for key in large:
+            room[key] = _out_of_walls(room[key], walls)
+        for number, key in enumerate(large):
+            for other in large[number + 1 :]:
+                room[key], room[other] = _apart(room[key], room[other])
+    for key, other in itertools.permutations(large, 2):
+        room[other] = _clear_of_doors(room[key], room[other])
+    notes = _put_on_tops(room, small, same_height_m, hung)
+    for _ in range(_ROUNDS):
+        for number, key in enumerate(small):
+            for other in small[number + 1 :]:
+                if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
+                    room[key], room[other] = _pushed(room[key], room[other])
+    return room, [*notes, *_moves(guesses if fitted is None else fitted, room)]
+
+
+def _put_on_tops(
+    room: dict[str, PoseHypothesis], small: Sequence[str], same_height_m: float, hung: Collection[str]
+) -> list[str]:
+    """Put each small thing onto its top, or down; report what hangs and what had no top."""
+    farthest_m = _FARTHEST_M if same_height_m <= SAME_HEIGHT_M else _GUESSED_FAR_M
+    notes = []
+    for key in small:
+        others = {other: room[other] for other in room if other != key}
+        if key in hung and not is_item(room[key]):
+            if not _stands(room[key], others):
+                notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
+            continue
+        room[key] = _on_its_top(room[key], others, same_height_m, farthest_m)
+        if is_item(room[key]) and not _stands(room[key], others):
+            # Its support may end too early: where nothing is below it, a near top is likelier than the floor.
+            room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M, farthest_m)
+        if is_item(room[key]) and not _stands(room[key], others):
+            room[key] = _put_down(room[key], list(others.values()))
+            notes.append(f"{key} stands on nothing that has a box; it was put down")
+    return notes
+
+
+def _moves(fitted: Mapping[str, PoseHypothesis], room: Mapping[str, PoseHypothesis]) -> list[str]:
+    notes = []
+    for key, one in room.items():
+        before = fitted[key]
+        moved_m = math.dist((one.x_m, one.y_m, one.bottom_m), (before.x_m, before.y_m, before.bottom_m))
+        grown_m = max(abs(a - b) for a, b in zip(one.size_m, before.size_m, strict=True))
+        if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
+            notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
+    return notes
+
+
+def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
+    """Let the nearest table whose top is as high as a thing's bottom, and ends before it, reach below its middle."""
+    thing, best = room[key], (_GROWN_M, "", np.zeros(2))
+    margin_m = _ON_TOP * min(thing.size_m[:2]) / 2 + 2 * EDGE_M
+    for name, piece in room.items():
+        is_table = kind_of(piece.entry.category, 0.0) is Kind.SUPPORT and piece.bottom_m == 0.0
+        if not is_table or abs(piece.size_m[2] - thing.bottom_m) > SAME_HEIGHT_M:
+            continue
+        local = rotation_z(piece.yaw_rad)[:2, :2].T @ [thing.x_m - piece.x_m, thing.y_m - piece.y_m]
+        out = np.maximum(np.abs(local) + margin_m - np.divide(piece.size_m[:2], 2), 0.0)
+        if float(out.max()) < best[0]:
+            best = float(out.max()), name, np.copysign(out, local)
+    out_m, name, out = best
+    if not name or out_m == 0.0:
+        return
+    piece = room[name]
+    length, width, height = piece.size_m
+    sides = length + abs(float(out[0])), width + abs(float(out[1]))
+    grown = replace(piece, size_m=(*sides, height))
+    if raycaster_of(grown) is None:
+        slab = replace(GENERIC["generic_slab_on_legs"], category=piece.entry.category)
+        grown = replace(grown, entry=slab, parameters=())
+    room[name] = _shifted(grown, rotation_z(piece.yaw_rad)[:2, :2] @ out / 2)
+
+
+def _footprint(guess: PoseHypothesis) -> Footprint:
+    return Footprint.of(guess.as_object())
+
+
+def _shifted(guess: PoseHypothesis, by: np.ndarray) -> PoseHypothesis:
+    return replace(guess, x_m=guess.x_m + float(by[0]), y_m=guess.y_m + float(by[1]))
+
+
+def _aligned(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesis:
+    """Align a piece with a nearly parallel wall: the rest is noise. Round objects have no corners there."""
+    for wall in walls:
+        turned = math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)
+        if abs(turned) < _NOISE_RAD or is_round(guess.entry):
+            return replace(guess, yaw_rad=guess.yaw_rad - turned)
+    return guess
+
+
+def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesis:
+    for wall in walls:
+        corners = _footprint(guess).corners_m
+        side = corners @ wall.along
+        if side.max() < wall.span_m[0] or side.min() > wall.span_m[1]:
+            continue
+        nearest, farthest = float((corners @ wall.normal).max()), float((corners @ wall.normal).min())
+        into_m = wall.offset_m + CLEARANCE_M - farthest
+        # An object wholly behind a wall is in the next room, visible over the wall.
+        if into_m > 0.0 and nearest > wall.offset_m:
+            guess = _shifted(guess, into_m * wall.normal)
+    return guess
+
+
+def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+    """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
+    deep_m = _footprint(first).depth_m(_footprint(second))
+    # A chair may stand under a table: their parts decide.
+    if deep_m <= 0.0 or overlap_depth_m(solid_parts(first.as_object()), solid_parts(second.as_object())) <= 0.0:
+        return first, second
+    aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
+    away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
+    in_row = _stand_alike(first, second)
+    # Where one of them is turned a little, its corner is deeper in the other one than its side.
+    over_m = max((first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)), deep_m) + CLEARANCE_M
+    if in_row and over_m < _SHAVED_M:
+        sign = math.copysign(1.0, float(away @ aside))
+        return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
+    return _pushed(first, second)
+
+
+def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
+    """Return whether two pieces stand as in a row."""
+    turned = first.yaw_rad - second.yaw_rad
+    return abs(math.sin(turned)) < _PARALLEL and math.cos(turned) > 0
+
+
+def _clear_of_doors(guess: PoseHypothesis, other: PoseHypothesis) -> PoseHypothesis:
+    """Narrow another piece of a row if a door swings into its side.
+
+    The piece with the door often hides that side.
+    """
+    near_m = (guess.size_m[1] + other.size_m[1]) / 2 + _SHAVED_M
+    away = np.array([other.x_m - guess.x_m, other.y_m - guess.y_m])
+    aside = np.array([-math.sin(other.yaw_rad), math.cos(other.yaw_rad)])
+    if not _stand_alike(guess, other) or abs(float(away @ aside)) > near_m:
+        return other
+    side, theirs = -math.copysign(1.0, float(away @ aside)), _footprint(other)
+    into_m = max(
+        (_reach_m(part, theirs, side) for part in swept_parts(guess.as_object(), _OPENED_RAD, _SWING_STEPS)),
+        default=0.0,
+    )
+    return _narrower(other, into_m + CLEARANCE_M, side) if 0.0 < into_m < _SHAVED_M else other
+
+
+def _reach_m(part: Footprint, other: Footprint, side: float) -> float:
+    """Return how far a part reaches into an object from one side, +1 its own +y; 0 if it does not."""
+    if part.depth_m(other) <= 0.0:
+        return 0.0
+    along = np.linspace(part.corners_m, np.roll(part.corners_m, 1, axis=0), _EDGE_STEPS).reshape(-1, 2)
+    local = (along - [other.x_m, other.y_m]) @ rotation_z(other.yaw_rad)[:2, :2]
+    inside = (np.abs(local) < [other.half_x_m, other.half_y_m]).all(axis=1)
+    return float((other.half_y_m - side * local[inside, 1]).max(initial=0.0))
+
+
+def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis:
+    """Narrow a piece on one side, +1 its own +y; move it by what its model does not allow."""
+    length, width, height = guess.size_m
+    least = guess.entry.width.low
+    cut = min(by_m, max(0.0, width - least))
+    aside = np.array([-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)])
+    # The rest is moved.
+    smaller = replace(guess, size_m=(length, width - cut, height))
+    return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
+
+
+def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+    """Move the smaller of two objects along the axis of least overlap."""
+    a, b = _footprint(first), _footprint(second)
+    if a.depth_m(b) <= 0.0:
+        return first, second
+    second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
+    least: tuple[float, np.ndarray] | None = None
+    for yaw in (a.yaw_rad, b.yaw_rad):
+        for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
+            mine, theirs = a.corners_m @ axis, b.corners_m @ axis
+            for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
+                if least is None or over_m < least[0]:
+                    least = float(over_m), direction
+    if least is None:
+        return first, second
+    by = (least[0] + CLEARANCE_M) * least[1]
+    return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
+
+
+def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
+    """Return whether an object stands above another's bottom and within its outline: in a bowl, on a plate."""
+    mine, theirs = _footprint(thing), _footprint(other)
+    return thing.bottom_m > other.bottom_m + _HIGHER_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
+
+
+def _on_its_top(
+    guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float, farthest_m: float
+) -> PoseHypothesis:
+    """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
+
+    On an item, such as a saucer, its middle is enough.
+    """
+    best: tuple[float, PoseHypothesis] | None = None
+    for other in others.values():
+        on_item = is_item(other)
+        if on_item and other.bottom_m >= guess.bottom_m:
+            continue
+        carrier = other.as_object()
+        for region in asset_for(carrier).regions:
+            T, half = region_frame(carrier, region)
+            if abs(float(T[2, 3]) - guess.bottom_m) > same_height_m:
+                continue
+            turn = T[:2, :2]
+            local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
+            own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
+            c, s = abs(math.cos(own)), abs(math.sin(own))
+            reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
+            free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
+            inside = np.clip(local, -free, free)
+            aside_m = float(np.linalg.norm(inside - local))
+            by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
+                x, y = turn @ inside + T[:2, 3]
+                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
+    return guess if best is None else best[1]
+
+
+def _stands(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis]) -> bool:
+    """Return whether an object is on the floor, or over a top at its height."""
+    return guess.bottom_m == 0.0 or is_on_one(guess, tops_of(others.values()), _HIGHER_M)
+
+
+def _put_down(guess: PoseHypothesis, others: Sequence[PoseHypothesis]) -> PoseHypothesis:
+    """Lower an object that stands on nothing to the nearest top below its middle, or to the floor."""
+    at = np.array([guess.x_m, guess.y_m])
+    below = [0.0]
+    for other in others:
+        carrier = other.as_object()
+        for region in asset_for(carrier).regions:
+            T, half = region_frame(carrier, region)
+            inside = (np.abs(T[:2, :2].T @ (at - T[:2, 3])) <= half).all()
+            if region.kind == "surface" and inside and T[2, 3] <= guess.bottom_m:
+                below.append(float(T[2, 3]))
+    return replace(guess, bottom_m=max(below))
