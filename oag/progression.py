@@ -392,11 +392,6 @@ class Trace:
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
-        if self._decision is NOTHING_DECIDED and isinstance(wanted, tuple):
-            held = self._held(wanted)
-            if held is not None:
-                self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, Grade.HOLDS, held))
-                return
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
             self._assume(CausalLink(condition, self.state.read(condition.fact).time, None), number)

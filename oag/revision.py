@@ -24,6 +24,7 @@ from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
 from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, short_repr, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.reading import unreadable_step
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
@@ -44,15 +45,17 @@ def _flag(value: object) -> bool | None:
     raise ValueError(expected("true, false or null", value))
 
 
-def _primitive(value: object) -> Primitive:
-    found = Primitive.__members__.get(value) if isinstance(value, str) else None
+def _primitive(value: object, domain: Domain) -> Primitive:
+    found = None
+    if isinstance(value, str) and value.strip():
+        found = Primitive.__members__.get(value) or domain.primitive(value)
     if found is None:
         raise ValueError(f"there is no primitive {shown(value)}")
     return found
 
 
 _Flag = Annotated[bool | None, ReadBy(_flag)]
-_Flow = Annotated[ActionFlow, ReadBy(flow_from_json)]
+_Flow = Annotated[ActionFlow, ReadBy(flow_from_json, in_domain=True)]
 _Index = Annotated[int, ReadBy(index)]
 
 
@@ -74,7 +77,7 @@ class Critique(Record):
     """
 
     step: _Index
-    primitive: Annotated[Primitive, ReadBy(_primitive)]
+    primitive: Annotated[Primitive, ReadBy(_primitive, in_domain=True)]
     motion_verified: _Flag = None
     state_reached: _Flag = None
     state_contrast: str = ""
@@ -298,13 +301,13 @@ class History:
         }
 
     @classmethod
-    def from_json(cls, source: Source) -> Self:
-        """Return the history that a JSON file, or a mapping of the same form, describes.
+    def from_json(cls, source: Source, domain: Domain = BUILT_IN) -> Self:
+        """Return the history that a JSON file, or a mapping of the same form, describes in a domain.
 
         Raises RecordError for the one first thing that is malformed, with its place and what was expected.
         """
         document = load(source, RecordError)
-        form = document.read(_HistoryForm)
+        form = document.read(_HistoryForm, domain=domain)
         history = cls(form.subtask, (), form.limit)
         for number, iteration in enumerate(form.iterations):
             try:
@@ -488,7 +491,7 @@ def admissible(
         raise RecordError(problem, source="(history)", hint=hint)
     place = subtask_place(task, subtask_index)
     try:
-        flow = _read(new_flow)
+        flow = _read(new_flow, chosen.domain)
     except FlowError as problem:
         where = place if problem.index is None else f"{place}, step {problem.index + 1}"
         return Admission(None, (unreadable_step(problem, where, subtask_index, problem.index),))
@@ -528,10 +531,10 @@ def _verdict_findings(task: Task, scene: Scene, subtask: int, report: Report) ->
             yield _finding("revision/assumes", message, place, subtask, hint=finding.hint)
 
 
-def _read(new_flow: object) -> ActionFlow:
+def _read(new_flow: object, domain: Domain) -> ActionFlow:
     if isinstance(new_flow, tuple | list) and all(isinstance(action, Action) for action in new_flow):
         return tuple(new_flow)
-    return flow_from_json(new_flow)
+    return flow_from_json(new_flow, domain)
 
 
 def _history_findings(history: History, repeats: int | None, tolerance: Tolerance, place: str) -> Iterator[Diagnostic]:

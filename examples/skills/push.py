@@ -130,12 +130,12 @@ def stances(session: Session, thing: str, stroke: Stroke) -> Iterator[Stance[Str
         to_thing = planner.line(q, T_touch).path
         if to_thing is None or oracle.first_hit(to_thing, opening_m=opening_m, allowed=touch):
             return None
-        way = planner.line(to_thing[-1], moved(T_touch, stroke.distance_m * stroke.direction)).path
-        if way is None:
+        pushing = planner.line(to_thing[-1], moved(T_touch, stroke.distance_m * stroke.direction)).path
+        if pushing is None:
             return None
         oracle.carried = Carried(thing, inverse(T_touch) @ T_thing)
         try:
-            hit = oracle.first_hit(way, opening_m=opening_m, allowed=touch | resting, margin_m=CLEARANCE_M)
+            hit = oracle.first_hit(pushing, opening_m=opening_m, allowed=touch | resting, margin_m=CLEARANCE_M)
         finally:
             oracle.carried = None
         return None if hit else (stroke, 0.0)
@@ -162,14 +162,15 @@ def push(session: Session, action: oag.Action) -> StepResult:
     assert own is not None
     other = own.names(thing, session.subtask.support_goal)["other"]
     most_m = action.parameter if isinstance(action.parameter, float) else own.row.number.most if own.row.number else 0.5
+    action = replace(action, parameter=most_m)
     session.sync_planner()
-    way = box_around(session.believed, other)[0] - box_around(session.believed, thing)[0]
-    headings = float(np.arctan2(way[1], way[0])) + np.deg2rad(TURNS_DEG)
+    between = box_around(session.believed, other)[0] - box_around(session.believed, thing)[0]
+    headings = float(np.arctan2(between[1], between[0])) + np.deg2rad(TURNS_DEG)
     found = (stroke_towards(session, thing, other, float(heading), most_m) for heading in headings)
     strokes = [stroke for stroke in found if stroke is not None]
     planned = adopt_first(session, lambda _: (stances(session, thing, stroke) for stroke in strokes))
     if not isinstance(planned, Session):
-        message = f"no free way to a place from which {thing} can be pushed to {other} ({len(strokes)} directions)"
+        message = f"no free path to a place from which {thing} can be pushed to {other} ({len(strokes)} directions)"
         unplanned = Unplanned(target=thing, support=other, stances_tried=planned)
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (unplanned,)))
     return _pushed(planned, action, other)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
-from executor.scenes.library import file_of, holds_cousins
+from executor.scenes.library import described_in, file_of, has_predicate, holds_cousins
 from executor.scenes.library import load as load_named
 from executor.scenes.models import NoDefaultSize, complete_object, implausible_object_size
 from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, robot_has_room, robot_near
@@ -39,7 +39,7 @@ from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
 from oag.model.domain import BUILT_IN, Domain
-from oag.model.forms import ObjectForm, SceneForm, examine_scene, infeasible_of, object_of, robot_of
+from oag.model.forms import ObjectForm, SceneForm, domain_for, examine_scene, infeasible_of, object_of, robot_of
 from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
 from oag.model.symbols import Kind
@@ -153,7 +153,7 @@ class _SceneCompletion:
 
     def __init__(self, document: Document, form: SceneForm, lost: set[str], domain: Domain) -> None:
         self.problems: list[str] = []
-        self._document, self._form, self._lost, self._domain = document, form, lost, domain
+        self._document, self._form, self._lost, self._domain = document, form, lost, domain_for(document, form, domain)
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
         # (support, region, number of the choice) -> width that found no place there; wider items are skipped.
         self._refused_width_m: dict[tuple[str, str, int], float] = {}
@@ -356,8 +356,9 @@ class _SceneCompletion:
         known = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
         stated_by_entries = tuple(atom for atom in self._stated if atom not in known and atom.args[1] not in self._lost)
         given = self._form.closed
-        closed = CLOSED if given is None else read_closed(given, self._document.source, self._domain)
-        return (*facts, *stated_by_entries), closed
+        here = frozenset(predicate for predicate in CLOSED if has_predicate(self._domain, predicate))
+        closed = here if given is None else read_closed(given, self._document.source, self._domain)
+        return (*facts, *self._in_domain(stated_by_entries)), closed
 
     def _derived(self, objects: Mapping[str, SceneObject], facts: tuple[bddl.Formula, ...]) -> tuple[bddl.Formula, ...]:
         """Return the geometric facts that the file does not state."""
@@ -366,7 +367,11 @@ class _SceneCompletion:
             *derive_support_relations(upright_solids(objects), fallen_solids(objects).values()),
             *door_states(objects.values()),
         ]
-        return tuple(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
+        return self._in_domain(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
+
+    def _in_domain(self, facts: Iterable[bddl.Formula]) -> tuple[bddl.Formula, ...]:
+        """Return the facts, concluded from geometry, whose predicates the domain has."""
+        return tuple(f for f in facts if all(has_predicate(self._domain, atom.predicate) for atom in bddl.atoms(f)))
 
     def _with_floor(self, objects: dict[str, SceneObject], robot: RobotPose) -> dict[str, SceneObject]:
         """Return the objects with the floor if it is listed or named, or if an item stands on it."""
@@ -477,10 +482,10 @@ def load_with_notes(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scen
     """Return a scene as `load_scene` does, with its differences from the file, in sentences."""
     path = file_of(name_or_path)
     if path is None:
-        return SceneWithNotes(replace(load_named(str(name_or_path)), domain=domain), ())
+        return SceneWithNotes(described_in(load_named(str(name_or_path)), domain), ())
     if holds_cousins(path):
         made = from_cousins(path)
-        return replace(made, scene=replace(made.scene, domain=domain))
+        return replace(made, scene=described_in(made.scene, domain))
     found = complete_scene(path, domain)
     if found.scene is None:
         message = found.problems[0] if len(found.problems) == 1 else listed(found.problems)

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import cast
 
+import bddl
 from bddl import near_names
 from bddl.errors import Scene2DemoError
 from bddl.files import read_bounded_text
@@ -68,17 +69,31 @@ def load_own(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene:
             from the library and geometry.
     """
     path = file_of(name_or_path)
+    option = "" if domain.built_in else " --domain DOMAIN.toml"
     if path is None:
-        return replace(load(str(name_or_path)), domain=domain)
+        return described_in(load(str(name_or_path)), domain)
     if holds_cousins(path):
         problem = "has the form of Digital Cousins, and what is compared has this project's own"
-        hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
+        hint = f"scene2demo scenes {path}{option} --out SCENE.json writes it so"
         raise SceneError(problem, source=path.name, hint=hint)
     document = load_json(path, SceneError)
     if isinstance(document.data, dict) and document.data.get("closed") is None:
         problem = "has no 'closed': what geometry says of it is not in it"
-        raise document.fail((), problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
+        raise document.fail((), problem, f"scene2demo scenes {path}{option} --out SCENE.json writes it whole")
     return Scene.from_json(path, domain)
+
+
+def described_in(scene: Scene, domain: Domain) -> Scene:
+    """Return a scene in another domain, with what its facts say in the predicates that this domain has, too."""
+    facts = [fact for fact in scene.facts if all(has_predicate(domain, atom.predicate) for atom in bddl.atoms(fact))]
+    closed = frozenset(predicate for predicate in scene.closed if has_predicate(domain, predicate))
+    return replace(scene, facts=tuple(facts), closed=closed, domain=domain)
+
+
+def has_predicate(domain: Domain, name: str) -> bool:
+    """Decide whether a domain has a predicate of the built-in one, with as many arguments."""
+    own, built_in = domain.predicates.get(name), BUILT_IN.predicates[name]
+    return own is not None and len(own.parameters) == len(built_in.parameters)
 
 
 def file_of(name_or_path: str | Path) -> Path | None:

@@ -142,19 +142,28 @@ class MissingSkill(Scene2DemoError, ValueError):
     """The robot has no skill for a primitive of an own domain."""
 
 
-def add_skill(name: str, runner: Runner) -> None:
+def add_skill(name: str, runner: Runner, *, replace: bool = False) -> None:
     """Let the robot execute the primitive of an own domain that has a name, in this process.
 
     Args:
         name: Of its row, such as `PUSH`.
         runner: Takes the session and the action. It moves the robot through `session.control`, and returns
             `session.done(action, ...)`, with a `Failure` where it ended early.
+        replace: Take it in place of the skill that was added before, as a notebook does whose cell runs again.
 
     Raises:
-        ValueError: The name is one of the 21, or it has another skill already.
+        TypeError: The name is no text, or the runner no function.
+        ValueError: The name is empty, one of the 21, or has another skill already.
     """
-    if name in Primitive.__members__ or _ADDED.get(name, runner) is not runner:
-        raise ValueError(f"{name} has a skill already; choose another name for the row")
+    given: tuple[object, object] = name, runner  # As untyped programs and notebooks hand them over.
+    if not isinstance(given[0], str) or not callable(given[1]):
+        raise TypeError(f"expected the name of a row and a function, got {name!r} and {runner!r}")
+    if not name.strip():
+        raise ValueError("the name is empty, expected that of a row, such as PUSH")
+    if name in Primitive.__members__:
+        raise ValueError(f"{name} is one of the 21 primitives; choose another name for the row")
+    if not replace and _ADDED.get(name, runner) != runner:
+        raise ValueError(f"{name} has a skill already; choose another name for the row, or give replace=True")
     _ADDED[name] = runner
 
 

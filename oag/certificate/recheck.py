@@ -20,6 +20,7 @@ from oag.certificate.check import recheck as check
 from oag.certificate.check_plan import Rejected, domain_of
 from oag.model.actions import flow_to_json
 from oag.model.codec import Source, shown
+from oag.model.domain import Domain
 from oag.model.scene import RobotPose, Scene
 from oag.model.symbols import Kind
 from oag.primitives.state import scene_facts
@@ -81,13 +82,19 @@ def scene_json(scene: Scene) -> dict[str, object]:
     }
 
 
-def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | Source | None = None) -> RecheckResult:
-    """Decide whether a certificate bears out its verdict, and if asked, whether it is about a task and a scene.
+def recheck(
+    certificate: Any,
+    task: Task | Source | None = None,
+    scene: Scene | Source | None = None,
+    domain: Domain | None = None,
+) -> RecheckResult:
+    """Decide whether a certificate bears out its verdict, and if asked, whether it is about a task, scene and domain.
 
     Args:
         certificate: A `Certificate`, its JSON mapping, a `Report` or the JSON of one; a malformed one is rejected.
         task: The task that it has to be about, or its file. A flow that it omits may be any flow in the certificate.
         scene: The scene that it has to be about, or its file; by default the one that the task carries, if any.
+        domain: The domain that it has to be in; by default the scene's, if there is one.
 
     Example:
         >>> import oag
@@ -113,14 +120,20 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
     difference = _other_task(data["plan"], asked)
     if place is not None and not difference:
         difference = _difference("scene", scene_json(place), data["scene"])
-        own = not place.domain.built_in or "domain" in data
-        if not difference and own and data["library_sha"] != library_sha(place.domain):
-            difference = f"it is about another domain than {place.domain.name}"
+        difference = difference or _other_domain(data, place.domain)
         # Certificates do not contain sizes, for example.
         malformed = form_of(asked, place) if asked is not None and not difference else ()
         if malformed:
             difference = f"the task is not well formed in this scene: {malformed[0].brief}"
+    if domain is not None and not difference:
+        difference = _other_domain(data, domain)
     return RecheckResult(False, difference) if difference else result
+
+
+def _other_domain(data: Mapping[str, Any], domain: Domain) -> str:
+    if (domain.built_in and "domain" not in data) or data["library_sha"] == library_sha(domain):
+        return ""
+    return f"it is about another domain than {domain.name}"
 
 
 def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:

@@ -22,6 +22,7 @@ from typing import Any, TypeVar, cast
 import bddl
 from bddl.files import read_bounded_text
 from oag.model.diagnostics import InputError, OagError
+from oag.model.domain import BUILT_IN, Domain
 
 _LONGEST_SHOWN = 60
 Source = str | os.PathLike[str] | Mapping[str, object]
@@ -83,11 +84,11 @@ class Document:
             value = value[step]
         return value
 
-    def read(self, form: type[_Form], *path: str | int) -> _Form:
-        """Return the value at a path, read by a form; raises the first deviation from it as the document's `error`."""
+    def read(self, form: type[_Form], *path: str | int, domain: Domain = BUILT_IN) -> _Form:
+        """Return the value at a path, read by a form in a domain; raises the first deviation from it as `error`."""
         # Loads pydantic, which takes as long as this package.
         examine = import_module("oag.model.forms").examine
-        found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path))
+        found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path, domain=domain))
         if found is None:
             raise mistakes[0]
         return found
@@ -212,18 +213,22 @@ class ReadBy:
     """Annotation of a dataclass field: the function that reads its value. Its ValueError or OagError is a mistake.
 
     Pydantic uses it, and is not loaded where it is written.
+
+    Attributes:
+        in_domain: Whether the function takes the domain of `Document.read` as well.
     """
 
-    reader: Callable[[Any], object]
+    reader: Callable[..., object]
+    in_domain: bool = False
 
     def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> Any:
         from pydantic_core import core_schema
 
-        return core_schema.no_info_plain_validator_function(self._read)
+        return core_schema.with_info_plain_validator_function(self._read)
 
-    def _read(self, value: object) -> object:
+    def _read(self, value: object, info: Any) -> object:
         try:
-            return self.reader(value)
+            return self.reader(value, domain=info.context or BUILT_IN) if self.in_domain else self.reader(value)
         except OagError as problem:
             raise ValueError(str(problem)) from problem
 

@@ -128,11 +128,11 @@ def _adapter(form: Any) -> TypeAdapter[Any]:
 
 
 def examine(
-    document: Document, form: type[_Form], *path: str | int
+    document: Document, form: type[_Form], *path: str | int, domain: Domain = BUILT_IN
 ) -> tuple[_Form, tuple[()]] | tuple[None, tuple[InputError, ...]]:
-    """Return the value at a path of a document, or everything in it that deviates from the form."""
+    """Return the value at a path of a document, or everything in it that deviates from the form in a domain."""
     try:
-        return adapter(form).validate_python(document.at(*path)), ()
+        return adapter(form).validate_python(document.at(*path), context=domain), ()
     except ValidationError as problem:
         found = (_words(error, form) for error in problem.errors(include_url=False))
         return None, tuple(document.fail((*path, *place), message, hint) for place, message, hint in found)
@@ -352,6 +352,9 @@ class SceneForm(Form):
     )
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
     known: list[InfeasibleForm] | None = Field(None, description="What geometry found impossible, as `plan` writes it.")
+    domain: Mapping[str, Any] | None = Field(
+        None, description="The own domain that its facts are in, as domain files have it; by default the built-in one."
+    )
     provenance: Mapping[str, Any] | None = Field(
         None, description="Where its values come from, by object and field, for people; not read."
     )
@@ -384,6 +387,7 @@ def read_scene(document: Document) -> SceneForm:
 def scene_in(document: Document, kind: type[Scene], domain: Domain = BUILT_IN) -> Scene:
     """Return the scene of a file; raises a SceneError with the place of the first thing that is malformed."""
     form = read_scene(document)
+    domain = domain_for(document, form, domain)
     bare = not any(map(_has_geometry, form.objects.values()))
     objects = {key: object_of(document, key, one, bare=bare) for key, one in form.objects.items()}
     return kind(
@@ -396,6 +400,16 @@ def scene_in(document: Document, kind: type[Scene], domain: Domain = BUILT_IN) -
         known=infeasible_of(form.known),
         domain=domain,
     )
+
+
+def domain_for(document: Document, form: SceneForm, domain: Domain = BUILT_IN) -> Domain:
+    """Return the domain of a scene file: its own one, or else the given one; raises a SceneError if these differ."""
+    if form.domain is None:
+        return domain
+    own = Domain.from_json(form.domain, f"in {document.source}")
+    if domain.built_in or own == domain:
+        return own
+    raise document.fail(("domain",), f"is the domain {own.name}, and another one was given: {domain.name}")
 
 
 def robot_of(form: RobotForm) -> RobotPose:

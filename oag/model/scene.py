@@ -212,7 +212,7 @@ class Scene:
 
     @classmethod
     def from_json(cls, source: Source, domain: Domain = BUILT_IN) -> Self:
-        """Return the scene that a JSON file, or a mapping of the same form, describes in a domain.
+        """Return the scene that a JSON file, or a mapping of the same form, describes in a domain, by default its own.
 
         A file that names no robot is for the paper's here; `executor.load_scene` and the commands take `panda-lift`.
 
@@ -224,7 +224,7 @@ class Scene:
         return found
 
     def to_json(self) -> dict[str, object]:
-        """Return the mapping that `from_json` reads back into an equal scene, with the same domain."""
+        """Return the mapping that `from_json` reads back into an equal scene."""
         return {
             "name": self.name,
             "robot": _write_robot(self.robot),
@@ -233,6 +233,7 @@ class Scene:
             "closed": sorted(self.closed),
             "variation": dict(self.variation),
             **({"known": as_json(self.known)} if self.known else {}),
+            **({} if self.domain.built_in else {"domain": self.domain.to_json()}),
         }
 
     @property

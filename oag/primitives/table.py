@@ -330,7 +330,19 @@ def _own_cargo(own: Own, context: Context, read: Reader) -> Effect:
         if thing not in places and thing != ANY:
             places[thing] = Load(context.carriage, thing, read).carried_off(lambda _: False)
     own_facts = {fact for fact, _ in writes}
-    return tuple((fact, value) for found in places.values() for fact, value in found.items() if fact not in own_facts)
+    followed = {fact: value for found in places.values() for fact, value in found.items()}
+    followed.update(_neighbours(writes, context, read))
+    return tuple((fact, value) for fact, value in followed.items() if fact not in own_facts)
+
+
+def _neighbours(writes: Effect, context: Context, read: Reader) -> dict[Fact, Value]:
+    """Return what a row leaves open about the neighbours of cargo: its carrier got other ones, or may have."""
+    found: dict[Fact, Value] = {}
+    for fact, _ in writes:
+        if len(fact) == 3 and fact[0] in VAGUE:
+            moved = ((name, *Load(context.carriage, name, read).riding) for name in fact[1:])
+            found.update(((fact[0], one, other), None) for one, other in product(*moved))
+    return found
 
 
 def _articulated(primitive: Primitive, target: str, low: float, high: float) -> Effect:

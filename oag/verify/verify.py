@@ -65,7 +65,6 @@ class Report:
     Attributes:
         verdict: PROVED, CONDITIONAL (holds if what the warnings list holds) or REFUTED.
         explain: What makes the diagnostics; they are made when they are first read.
-        evidence: What follows the plan for `trace`; None when the plan is not well formed.
         no_flow: The proof that a subtask has no flow, where that was shown.
         repair: How fixes are searched; None for a report that offers none.
     """
@@ -74,7 +73,7 @@ class Report:
     scene: Scene
     verdict: Verdict
     explain: Callable[[], tuple[Diagnostic, ...]] = field(repr=False, compare=False)
-    evidence: Callable[[], Trace] | None = field(repr=False, compare=False)
+    _follow: Callable[[], Trace] | None = field(repr=False, compare=False)
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
     repair: Repair | None = field(default=None, repr=False, compare=False)
 
@@ -104,7 +103,7 @@ class Report:
     @cached_property
     def trace(self) -> Trace | None:
         """How each obligation was decided, and by which writes; None when the plan is not well formed."""
-        return None if self.evidence is None else self.evidence()
+        return None if self._follow is None else self._follow()
 
     @cached_property
     def diagnostics(self) -> tuple[Diagnostic, ...]:

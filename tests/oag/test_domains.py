@@ -17,8 +17,11 @@ import bddl
 import oag
 from executor.skills.library import MissingSkill, require_skills
 from oag import pddl
+from oag.model.actions import flow_to_json
+from oag.model.diagnostics import RecordError
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
+from oag.revision import Attempt, Critique, History, Revision, admissible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
 
@@ -60,6 +63,25 @@ def test_a_declared_primitive_is_proved_planned_mended_and_searched() -> None:
     assert left.edits == 0 and left.task is not None and len(left.task.subtasks) == 2
 
 
+@pytest.mark.parametrize("goal", ["(nextto apple_0 cup_0)", "(not (nextto apple_0 box_0))", "(nextto bowl_0 cup_0)"])
+def test_what_rides_on_a_pushed_thing_has_no_known_neighbours(goal: str) -> None:
+    things = {"apple_0": "apple", "bowl_0": "bowl", "box_0": "box", "cup_0": "cup", "table_0": "table"}
+    standing = [f"(ontop {name} table_0)" for name in ("bowl_0", "box_0", "cup_0")]
+    pairs = [("apple_0", "cup_0"), ("bowl_0", "cup_0")]
+    near = [f"(nextto {one} {other})" for pair in pairs for one, other in (pair, pair[::-1])]
+    here = oag.scene(things, [*standing, "(inside apple_0 bowl_0)", *near], "all", domain=NEXT_TO)
+    pushed = oag.task(here, goal=goal, steps=["PUSH bowl_0 box_0 table_0"])
+    report = oag.compose(pushed).verify()
+    assert report.verdict is oag.Verdict.CONDITIONAL and confirmed(report)
+    settled = replace(pushed, goal=bddl.parse_formula("(and (nextto box_0 bowl_0) (inside apple_0 bowl_0))"))
+    assert oag.compose(settled).verify()
+
+
+def test_a_thing_put_down_next_to_another_is_next_to_it_both_ways() -> None:
+    here = kitchen()
+    assert oag.compose(oag.task(here, goal="(nextto cup_0 apple_0)", steps=STEPS)).verify()
+
+
 def test_a_flow_that_no_row_allows_is_refuted_with_a_proof() -> None:
     here = replace(kitchen(), facts=(bddl.parse_formula("(inside apple_0 drawer_0)"),))
     goal = bddl.parse_formula("(nextto apple_0 cup_0)")
@@ -82,6 +104,32 @@ def test_a_certificate_is_of_its_domain_alone() -> None:
     assert oag.recheck(forged.certificate) and not oag.recheck(forged.certificate, scene=here)
     row["objects"].reverse()
     assert oag.Domain.from_json(data["domain"]).digest != loose.digest
+
+
+def test_a_scene_s_json_has_its_domain_and_no_other_is_accepted() -> None:
+    here = kitchen()
+    data = json.loads(json.dumps(here.to_json()))
+    assert oag.Scene.from_json(data) == oag.Scene.from_json(data, NEXT_TO) == here
+    other = replace(NEXT_TO, name="other")
+    with pytest.raises(oag.SceneError, match="next_to, and another one was given: other"):
+        oag.Scene.from_json(data, other)
+    data["domain"]["primitives"]["PUSH"]["needs"] = ["(flies ?thing)"]
+    with pytest.raises(DomainError, match="flies"):
+        oag.Scene.from_json(data)
+    assert "domain" not in scene("T1").to_json()
+
+
+def test_a_history_and_a_revision_are_read_in_their_domain() -> None:
+    task = oag.task(kitchen(), goal="(nextto apple_0 cup_0)", steps=STEPS)
+    flow = task.subtasks[-1].flow
+    assert flow is not None
+    critique = Critique(2, flow[2].primitive, motion_verified=False)
+    tried = History(2).add(Attempt(flow, "failed", 2, critiques=(critique,)), Revision(flow[2:], "sequence", "shorter"))
+    assert History.from_json(json.loads(json.dumps(tried.to_json())), NEXT_TO) == tried
+    with pytest.raises(RecordError, match="PLACE_NEXT_TO"):
+        History.from_json(tried.to_json())
+    written = flow_to_json(flow)
+    assert admissible(task, 2, written).flow == flow
 
 
 def test_a_domain_and_its_primitives_travel_between_processes() -> None:

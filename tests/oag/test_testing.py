@@ -5,13 +5,19 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 
 import oag
 from oag import testing
+from oag.compilation import compile_plan
 from oag.model.symbols import Kind
+from oag.primitives.state import scene_facts, start_state
+from oag.primitives.table import needed
+from oag.progression import Grade, Trace, holds_throughout
+from oag.wellformed import check
 from tests.source_tree import ROOT
 
 FEW = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
@@ -45,6 +51,27 @@ def test_nearly_all_mistakes_are_noticed_and_equal_forms_have_equal_verdicts() -
     count()
     assert counts["REFUTED"] >= 0.9 * sum(counts[verdict.value] for verdict in oag.Verdict), counts
     assert not counts["same form, other verdict"], counts
+
+
+@given(
+    testing.scenes()
+    .flatmap(testing.tasks)
+    .flatmap(lambda task: st.one_of(st.just(task), testing.wordings(task), testing.mistakes(task))),
+    st.booleans(),
+)
+@settings(FEW, max_examples=30)
+def test_what_holds_throughout_is_what_a_trace_finds(task: oag.Task, closed: bool) -> None:
+    assert task.scene is not None
+    scene = task.scene if closed else replace(task.scene, closed=frozenset())
+    if check(task, scene):
+        return
+    stated = scene_facts(scene)
+    start = start_state(scene, task.subtasks[0].target if task.subtasks else None, stated)
+    subtasks, goal = compile_plan(task.subtasks, scene, stated), needed(task.goal)
+    trace = Trace(start, scene.categories)
+    trace.run(subtasks, goal)
+    held = trace.undecided_from is None and all(each.grade is Grade.HOLDS for each in trace.obligations)
+    assert holds_throughout(start, subtasks, goal, scene.categories) is held
 
 
 def opens_first(query: str, scene: oag.Scene) -> oag.Task:

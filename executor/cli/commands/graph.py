@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from executor.cli.errors import DONE, BadOption
-from executor.cli.options import CommonOptions, Flag, Maybe, OptionalScene, ReplaceFile, TaskFile
+from executor.cli.options import CommonOptions, DomainFile, Flag, Maybe, OptionalScene, ReplaceFile, TaskFile
 from executor.cli.output import print_text, tell
 from executor.system.files import json_text, write_text
 
@@ -18,6 +18,7 @@ class Options(CommonOptions):
 
     task: TaskFile
     scene: OptionalScene = None
+    domain: DomainFile = None
     format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
     """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
     --out says (.svg .mmd .dot .graphml .json), or a picture."""
@@ -30,13 +31,13 @@ class Options(CommonOptions):
 
 def execute(options: Options) -> int:
     """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too."""
-    from executor.cli.inputs import refuse_existing, task_and_scene
+    from executor.cli.inputs import domain_in, refuse_existing, task_and_scene
     from executor.reports.graph_picture import graph_file
     from oag import compose
     from oag.graph import to_dot, to_drawing, to_graphml, to_mermaid
 
     form = _format(options)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain))
     graph = compose(task, scene=scene)
     if form == "json":
         written = json_text(to_drawing(graph)) + "\n"

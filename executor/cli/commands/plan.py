@@ -120,12 +120,13 @@ def execute(options: Options) -> int:
 
             found = feasible(compose(task, scene=scene), scene, options.seed, listen=listen)
     code = DONE if found else FAILED
+    reason = unskilled if report else "the plan is not proved"
     if options.json:
         head = {"ok": code == DONE, "exit_code": code, **head, "notes": list(notes)}
-        plan = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
+        plan: dict[str, object] = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
+        plan |= {} if found is not None else {"not_asked": reason}
         print_json({**head, **report.to_json(), **plan})
     elif found is None:
-        reason = unskilled if report else "the plan is not proved"
         tell(f"\nwhether it is feasible was not asked, since {reason}", style="yellow")
     else:
         _print_feasibility(found)

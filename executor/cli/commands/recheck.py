@@ -33,8 +33,9 @@ def execute(options: Options) -> int:
     from oag import recheck
     from oag.model.codec import load
     from oag.model.diagnostics import CertificateError
+    from oag.model.domain import BUILT_IN
 
-    domain = domain_in(options.domain)
+    domain = None if options.domain is None else domain_in(options.domain)
     document = load(options.certificate, CertificateError)
     data = document.data
     if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):
@@ -43,8 +44,8 @@ def execute(options: Options) -> int:
     if "schema" not in data and isinstance(data.get("certificate"), dict):
         # What `verify --json` prints is a report, and the certificate is in it.
         data = data["certificate"]
-    scene = None if options.scene is None else load_own(options.scene, domain)
-    result = recheck(data, task=options.task, scene=scene)
+    scene = None if options.scene is None else load_own(options.scene, domain or BUILT_IN)
+    result = recheck(data, task=options.task, scene=scene, domain=domain)
     if options.json:
         print_json({"ok": bool(result), "verdict": data.get("verdict"), "reason": result.reason})
     elif result:

@@ -11,7 +11,7 @@ import tyro
 from bddl.files import atomic_path
 from bddl.terminal import pluralize
 from executor.cli.errors import BAD_INPUT, DONE, BadOption
-from executor.cli.options import READ_SCENE, CommonOptions, Flag, Maybe, ReplaceFile
+from executor.cli.options import READ_SCENE, CommonOptions, DomainFile, Flag, Maybe, ReplaceFile
 from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
 from executor.system.files import write_json
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from executor.scenes.digital_cousins import SceneWithNotes
     from executor.scenes.validation import Issue
     from oag import Scene
+    from oag.model.domain import Domain
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Options(CommonOptions):
 
     scene: tyro.conf.Positional[Annotated[Maybe[str], READ_SCENE]] = None
     """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
+    domain: DomainFile = None
     check: Flag = False
     """Say all that is wrong with the scene, else what stands on or in what in it; the exit code is 2 or 0."""
     picture: Maybe[Path] = None
@@ -56,7 +58,12 @@ def execute(options: Options) -> int:
     elif options.scene is not None:
         _show_scene(options, options.scene)
     else:
-        given = {"--out": options.out, "--picture": options.picture, "--check": options.check or None}
+        given = {
+            "--domain": options.domain,
+            "--out": options.out,
+            "--picture": options.picture,
+            "--check": options.check or None,
+        }
         for option, value in given.items():
             if value is not None:
                 raise BadOption(option, value, "a scene's name or file before it")
@@ -96,11 +103,12 @@ def _list_scenes(options: Options) -> None:
 
 def _show_scene(options: Options, name: str) -> None:
     """Print the content of a scene, and write or draw it where requested."""
+    from executor.cli.inputs import domain_in
     from executor.scenes.file import load_with_notes
     from executor.scenes.validation import issues, raise_errors
 
     _refuse_outputs(options)
-    found = load_with_notes(name)
+    found = load_with_notes(name, domain_in(options.domain))
     scene, wrong = found.scene, issues(found.scene)
     raise_errors(scene, wrong)
     warnings = [str(issue) for issue in wrong]
@@ -124,9 +132,10 @@ def _show_scene(options: Options, name: str) -> None:
 def _check_scene(options: Options, name: str) -> int:
     """Print all errors of a scene, else the facts that follow; draw or write it where requested."""
     from bddl import format as written
+    from executor.cli.inputs import domain_in
 
     _refuse_outputs(options)
-    found, problems, misread, wrong = _examined(name)
+    found, problems, misread, wrong = _examined(name, domain_in(options.domain))
     errors = [*problems, *(str(issue) for issue in wrong if issue.error)]
     warnings = [*misread, *(str(issue) for issue in wrong if not issue.error)]
     facts = [] if found is None else [written(fact) for fact in found.scene.facts]
@@ -152,7 +161,9 @@ def _check_scene(options: Options, name: str) -> int:
     return BAD_INPUT if errors else DONE
 
 
-def _examined(name: str) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[str, ...], tuple[Issue, ...]]:
+def _examined(
+    name: str, domain: Domain
+) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[str, ...], tuple[Issue, ...]]:
     """Return a scene as far as it can be read, and its findings.
 
     These are the errors of its file, its reinterpreted values, and the flaws of the scene.
@@ -164,9 +175,9 @@ def _examined(name: str) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[
 
     path = library.file_of(name)
     if path is None or library.holds_cousins(path):
-        found = load_with_notes(name)
+        found = load_with_notes(name, domain)
         return found, (), (), issues(found.scene)
-    read = complete_scene(path)
+    read = complete_scene(path, domain)
     scene = read.scene or read.rest
     if scene is None:
         return None, read.problems, (), ()

@@ -1,4 +1,4 @@
-"""`--domain FILE` of `verify`, `plan` and `recheck`."""
+"""`--domain FILE` of `verify`, `plan`, `recheck`, `scenes` and `graph`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_goal_is_planned_and_what_has_no_skill_is_not_gone_through(
 ) -> None:
     assert app.run(["plan", "--scene", "scene.json", "--goal", TASK["goal"], "--domain", "lamps.toml", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
-    assert found["verdict"] == "PROVED" and found["feasibility"] is None
+    assert found["verdict"] == "PROVED" and found["feasibility"] is None and "LIGHT" in found["not_asked"]
     assert "LIGHT" in found["plan"]["sub_tasks"][0]["flow"]
 
 
@@ -82,3 +82,47 @@ def test_a_domain_that_cannot_be_used_is_one_message(
     assert app.run([*command, "--domain", name]) == 2
     message = capsys.readouterr().err
     assert f"domain {name}" in message and said in message and "Traceback" not in message
+
+
+def test_a_certificate_is_compared_with_the_domain_alone(files: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["verify", "task.json", "--domain", "lamps.toml", "--certificate", "certificate.json"]) == 0
+    Path("other.toml").write_text(DOMAIN.replace('"(near ?lamp)", ', ""), encoding="utf-8")
+    assert app.run(["recheck", "certificate.json", "--domain", "lamps.toml"]) == 0
+    assert app.run(["recheck", "certificate.json"]) == 0
+    capsys.readouterr()
+    assert app.run(["recheck", "certificate.json", "--domain", "other.toml"]) == 1
+    assert "another domain" in capsys.readouterr().out
+
+
+def test_a_domain_without_the_21_has_the_facts_of_its_own_predicates(files: None) -> None:
+    row = DOMAIN.replace('"(near ?lamp)", "(handempty)"', "")
+    Path("bare.toml").write_text(f"inherits = false\n{row}", encoding="utf-8")
+    lit = {"target": "lamp_0", "init": "(and)", "goal": "(lit lamp_0)", "flow": ["LIGHT"]}
+    Path("task.json").write_text(json.dumps({"sub_tasks": [lit]}), encoding="utf-8")
+    certified = ["--certificate", "certificate.json"]
+    assert app.run(["verify", "task.json", "--domain", "bare.toml", *certified]) == 0
+    assert app.run(["scenes", "scene.json", "--domain", "bare.toml", "--out", "whole.json"]) == 0
+    whole = json.loads(Path("whole.json").read_text(encoding="utf-8"))
+    assert whole["closed"] == [] and all("lit" in fact for fact in whole["facts"])
+    assert app.run(["recheck", "certificate.json", "--task", "task.json", "--scene", "whole.json"]) == 0
+    assert app.run(["scenes", "kitchen_t1", "--domain", "bare.toml", "--out", "named.json"]) == 0
+    assert json.loads(Path("named.json").read_text(encoding="utf-8"))["facts"] == []
+
+
+def test_a_scene_is_written_whole_and_drawn_as_a_graph_in_its_domain(
+    files: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    domain = ["--domain", "lamps.toml"]
+    assert app.run(["verify", "task.json", *domain, "--certificate", "certificate.json"]) == 0
+    capsys.readouterr()
+    recheck = ["recheck", "certificate.json", "--task", "task.json", "--scene"]
+    assert app.run([*recheck, "scene.json", *domain]) == 2
+    assert "--domain DOMAIN.toml --out SCENE.json" in capsys.readouterr().err
+    assert app.run(["scenes", "scene.json", *domain, "--check"]) == 0
+    assert app.run(["scenes", "scene.json", *domain, "--out", "whole.json"]) == 0
+    assert app.run([*recheck, "whole.json", *domain]) == app.run([*recheck, "whole.json"]) == 0
+    # A written scene has its domain.
+    assert app.run(["verify", "task.json", "--scene", "whole.json"]) == 0
+    assert app.run(["graph", "task.json", *domain, "--format", "mermaid"]) == 0
+    assert "LIGHT" in capsys.readouterr().out
+    assert app.run(["scenes", *domain]) == 2

@@ -5,14 +5,18 @@ from __future__ import annotations
 import importlib.util
 import sys
 from dataclasses import replace
-from types import ModuleType
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import oag
 from executor import add_skill, feasible, rollout
-from executor.scenes.file import complete_scene
+from executor.reports.run_folder import RunFolder
+from executor.rollouts.run_record import RunRecord
+from executor.scenes.file import complete_scene, load_scene
 from executor.skills.library import MissingSkill, require_skills, skill_of
 from executor.skills.session import Session, StepResult
 from tests.source_tree import ROOT
@@ -69,6 +73,61 @@ def test_a_primitive_without_a_skill_is_refused_and_no_name_has_two() -> None:
     for name in ("GRASP", "WAVE"):
         with pytest.raises(ValueError, match=name):
             add_skill(name, stay)
+    with pytest.raises(ValueError, match="GRASP"):
+        add_skill("GRASP", stay, replace=True)
+    add_skill("WAVE", stay, replace=True)
+    bound = _Stayer()
+    add_skill("STAY", bound.stay)
+    add_skill("STAY", bound.stay)
+    wrong: list[tuple[Any, Any, type[Exception]]] = [
+        (3, stay, TypeError),
+        ("NOD", "stay", TypeError),
+        (" ", stay, ValueError),
+    ]
+    for row, runner, error in wrong:
+        with pytest.raises(error):
+            add_skill(row, runner)
+
+
+class _Stayer:
+    def stay(self, session: Session, action: oag.Action) -> StepResult:
+        return session.done(action)
+
+
+@pytest.mark.parametrize(("given", "run"), [(None, 0.5), (0.2, 0.2)])
+def test_a_push_reports_the_number_that_it_ran_with(
+    example: ModuleType, monkeypatch: pytest.MonkeyPatch, given: float | None, run: float
+) -> None:
+    monkeypatch.setattr(example, "box_around", lambda world, name: (np.zeros(3), np.ones(3)))
+    monkeypatch.setattr(example, "stroke_towards", lambda *given: None)
+    monkeypatch.setattr(example, "adopt_first", lambda *given: 0)
+    subtask = SimpleNamespace(target="a_0", support_goal="b_0")
+    session = SimpleNamespace(
+        subtask=subtask, believed=None, sync_planner=lambda: None, done=lambda action, failure: action
+    )
+    primitive = NEXT_TO.primitive("PUSH table_0")
+    assert primitive is not None
+    assert example.push(session, oag.Action(primitive, given)).parameter == run
+
+
+def test_an_episode_in_an_own_domain_is_written_and_read(tmp_path: Path) -> None:
+    row = {"objects": {"?a": "item"}, "writes": ["(lit ?a)"]}
+    domain = oag.Domain.from_json({"name": "lamps", "predicates": {"lit": ["a"]}, "primitives": {"SHINE": row}})
+    scene = replace(two_things(0), domain=domain)
+    scene = replace(scene, facts=(*scene.facts, domain.formula("(not (lit a_0))")))
+    add_skill("SHINE", lambda session, action: session.done(action))
+    task = oag.task(scene, goal="(lit a_0)", steps=["SHINE a_0"])
+    back = oag.Action(oag.Primitive.MOVE_BASE_BACKWARD, 0.1)
+    shine = domain.primitive("SHINE")
+    assert shine is not None
+    flow = (back, oag.Action(shine))
+    graph = oag.compose(replace(task, subtasks=(replace(task.subtasks[0], flow=flow),)), scene=scene)
+    done = rollout(graph, scene, 0, vary=False)
+    folder = RunFolder.prepare(tmp_path)
+    folder.write_rollout(RunRecord(graph, graph.verify(), rollout=done))
+    folder.write_episode(done, None)
+    assert {"scene.json", "episode.hdf5"} <= set(folder.written())
+    assert load_scene(tmp_path / "scene.json").domain == domain
 
 
 @pytest.mark.physics
