@@ -28,14 +28,13 @@ class Options(CommonOptions):
 
 def execute(options: Options) -> int:
     """Print whether a certificate supports its verdict about task and scene; return 0 when it does, else 1."""
-    from executor.cli.inputs import domain_in
     from executor.scenes.library import load_own
     from oag import recheck
     from oag.model.codec import load
     from oag.model.diagnostics import CertificateError
-    from oag.model.domain import BUILT_IN
+    from oag.model.domain import BUILT_IN, Domain
 
-    domain = None if options.domain is None else domain_in(options.domain)
+    domain = None if options.domain is None else Domain.from_toml(options.domain)
     document = load(options.certificate, CertificateError)
     data = document.data
     if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):
