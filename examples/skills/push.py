@@ -39,7 +39,7 @@ PITCHES_DEG = (75.0, 60.0, 85.0, 45.0)
 """Downward tilts of the hand, the preferred one first."""
 
 FACING_DEG = (0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
-"""Headings of the base off the push: from beside or before the thing the hand reaches over it."""
+"""Headings of the base off the push: from the side or the front of the thing, the hand reaches over it."""
 
 BEHIND_M = 0.015  # The fingers come down so far behind the thing.
 OFF_THE_SURFACE_M = 0.005

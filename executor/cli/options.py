@@ -104,7 +104,7 @@ OptionalScene = Annotated[
 DomainFile = Annotated[
     Maybe[Path],
     option_help(
-        "TOML file of an own domain: its predicates, kinds and primitives count beside the 21, or without them."
+        "TOML file of an own domain: its predicates, kinds and primitives count in addition to the 21, or without them."
     ),
     Read("domain"),
 ]

@@ -106,7 +106,7 @@ def _fitting(middles: dict[str, Array], which: str, *, by_rows: bool = False) ->
 
 
 def _lines(middles: dict[str, Array], axis: int) -> list[tuple[str, ...]]:
-    """Return the parts by their place along an axis, from the top or the left; those beside each other together."""
+    """Return the parts by their place along an axis, from the top or the left; those next to each other together."""
     lines: list[list[str]] = []
     for name in sorted(middles, key=lambda name: -middles[name][axis]):
         if lines and middles[lines[-1][0]][axis] - middles[name][axis] <= SIDE_BY_SIDE_M:

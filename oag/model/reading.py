@@ -1,6 +1,6 @@
 """Conditions and flows that are given as texts or in the JSON form.
 
-Of a file, what is wrong is kept as diagnostics beside what could be read. Built in memory, it is an error.
+Of a file, what is wrong is kept as diagnostics, with what could be read. Built in memory, it is an error.
 """
 
 from __future__ import annotations

@@ -183,8 +183,8 @@ def _wish(seed: int, wanted: str, scene: Scene, rng: np.random.Generator) -> Any
         "n": _part(b, scene, rng),
     }
     # Who says "in the shelf" means its boards.
-    said = phrasing.replace("in the {b}", "on the {b}") if b and has_boards(scene[b].category) else phrasing
-    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, said, a, b, c, d, s, where)))
+    wording = phrasing.replace("in the {b}", "on the {b}") if b and has_boards(scene[b].category) else phrasing
+    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, wording, a, b, c, d, s, where)))
 
 
 def _part(key: str, scene: Scene, rng: np.random.Generator) -> str:
