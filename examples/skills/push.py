@@ -22,7 +22,8 @@ from bddl import Atom
 from executor import add_skill, feasible, rollout
 from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, hand_rotation, inverse, rotation_z, transform
-from executor.planning.collision import Allowed, Carried, fingers_may_touch, held_may_touch
+from executor.planning.cargo import Carried
+from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.stances import HandGoal, Stance, search_stances
 from executor.records import Failure, FailureKind
 from executor.scenes.file import complete_scene

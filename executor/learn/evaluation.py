@@ -31,7 +31,8 @@ from executor.learn.acting import Policy
 from executor.learn.demonstrations import EpisodeKind
 from executor.learn.observations import plan_of
 from executor.planning.articulation import handle_contacts
-from executor.planning.collision import NOTHING, Allowed, Carried, fingers_may_touch, held_may_touch
+from executor.planning.cargo import Carried
+from executor.planning.collision import NOTHING, Allowed, fingers_may_touch, held_may_touch
 from executor.records import Failure
 from executor.rollouts.goals import tilt_deg
 from executor.scenes.generators.families import Family

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Handle, Joint
-from executor.geometry import Array, heading_of, inverse
+from executor.geometry import Array, heading_of
+from executor.planning.cargo import riders
 from executor.planning.collision import Allowed, JointTarget, fingers_may_touch
 from executor.planning.drives import can_withdraw
 from executor.planning.grasps import Push
@@ -276,8 +277,6 @@ SMALLER_FRACTIONS = (0.45, 0.35, 0.25, 0.15)
 LEAST_STAGE = 0.06
 """A stage moves a joint by at least this part of its range, and leaves at least this much to the next."""
 
-EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
-
 
 @dataclass(frozen=True, slots=True)
 class Swing:
@@ -487,27 +486,3 @@ def interval(start: float, end: float) -> tuple[float, float]:
     """Return the interval of a motion, rounded so that reading it back does the same or more."""
     low, high = sorted((max(0.0, start), end))
     return (round(low, 2), min(round(high + 0.005, 2), 1.0))
-
-
-def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, ...]:
-    """Return the items that a moving link of an object carries.
-
-    Args:
-        link: One of its moving links; all of them by default.
-    """
-    asset = world.assets[object_id]
-    moving = {joint.child for joint in asset.joints} if link is None else {link}
-    found = []
-    for region in asset.regions:
-        if region.link not in moving:
-            continue
-        T_link_world = inverse(world.T_world_link(object_id, region.link))
-        room = np.array(region.half_extents_m) + EDGE_M
-        for item in world.dynamic_ids:
-            wide_m = min(world.assets[item].extent_m[:2]) / 2
-            if region.kind == "interior" and wide_m > max(region.half_extents_m[:2]):
-                continue  # As a saucer is in no cup that stands on it.
-            centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
-            if bool(np.all(np.abs(centre - np.array(region.center_m)) <= room)):
-                found.append(item)
-    return tuple(dict.fromkeys(found))

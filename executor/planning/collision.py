@@ -1,8 +1,9 @@
 """Exact collision queries for any robot configuration, from a second physics scene with the same bodies.
 
 The oracle's world has no gravity and a time step of a microsecond. Setting a configuration and stepping once yields the
-physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried stays
-dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is held still.
+physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried, cargo
+included, stays dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is
+held still.
 Intended contacts of a motion are pairs of a mover and what it may touch.
 """
 
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.geometry import Array
+from executor.planning.cargo import Carried
 from executor.planning.paths import spread_out
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import base_links
@@ -65,14 +67,6 @@ class Hit:
     separation_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """An object in the gripper: its id and its pose in the hand's frame, (4, 4)."""
-
-    object_id: str
-    T_eef_object: Array
-
-
 class CollisionOracle:
     """Collision queries for robot configurations, with what the robot carries.
 
@@ -80,7 +74,7 @@ class CollisionOracle:
         world: A world built with `oracle=True`; the oracle owns its poses.
 
     Attributes:
-        carried: What is in the gripper.
+        carried: What is in the gripper, with its cargo.
         base_clearance_m, arm_clearance_m: What base and arm keep from everything, whatever margin is asked for.
         opening_m: Default position of the fingers in queries.
     """
@@ -99,7 +93,7 @@ class CollisionOracle:
         self._shown: dict[str, list[float]] = {}
         self._stale: dict[str, None] = {}
         self._joints_shown = False
-        self._loose: str | None = None
+        self._loose: tuple[str, ...] = ()
         self._near_at_start: dict[tuple[str, str], float] = {}
         for object_id in world.dynamic_ids:
             world.hold(object_id, still=True)
@@ -179,8 +173,8 @@ class CollisionOracle:
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
         moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
-        carried = self.carried.object_id if self.carried is not None else None
-        watched = {ROBOT, *(owner for owner, _ in moving)} | ({carried} if carried is not None else set())
+        carried = self.carried.ids if self.carried is not None else ()
+        watched = {ROBOT, *(owner for owner, _ in moving), *carried}
         widest_m = max(margin_m, self.base_clearance_m, self.arm_clearance_m, SELF_CLEARANCE_M)
         found: dict[tuple[str, str], float] = {}
         for a, b, gap_m in self.world.near(watched, widest_m):
@@ -247,30 +241,32 @@ class CollisionOracle:
                 self.world.set_joint_positions(object_id, wanted)
                 self._shown[object_id] = wanted
         self._joints_shown = not joints
-        carried = self.carried.object_id if self.carried is not None else None
+        carried = self.carried.ids if self.carried is not None else ()
         if carried != self._loose:
-            if self._loose is not None:
-                self.world.hold(self._loose, still=True)
-                self._stale[self._loose] = None
-            if carried is not None:
-                self.world.hold(carried, still=False)
+            for object_id in self._loose:
+                self.world.hold(object_id, still=True)
+                self._stale[object_id] = None
+            for object_id in carried:
+                self.world.hold(object_id, still=False)
             self._loose = carried
         for object_id in self._stale:
             self.world.set_object_pose(object_id, self._resting[object_id])
         self._stale.clear()
         if self.carried is not None:
-            self.world.set_object_pose(self.carried.object_id, self.kinematics.forward(q) @ self.carried.T_eef_object)
+            T_world_eef = self.kinematics.forward(q)
+            for object_id, T_eef_object in self.carried.poses:
+                self.world.set_object_pose(object_id, T_world_eef @ T_eef_object)
         self.world.step()
 
-    def _mover(self, near: BodyRef, far: BodyRef, carried: str | None, moving: set[tuple[str, str]]) -> str | None:
+    def _mover(self, near: BodyRef, far: BodyRef, carried: tuple[str, ...], moving: set[tuple[str, str]]) -> str | None:
         """Return a body's name as a mover, or None where its nearness to the other does not count."""
         if near.owner == ROBOT:
-            if far.owner == GROUND or (far.owner == carried and near.link in self.robot.gripper_links):
+            if far.owner == GROUND or (far.owner in carried and near.link in self.robot.gripper_links):
                 return None
             fingers = self.robot.finger_links
             return None if near.link in fingers and far.link in fingers and far.owner == ROBOT else near.link
-        if near.owner == carried:
-            return None if far.owner == ROBOT else HELD
+        if near.owner in carried:
+            return None if far.owner == ROBOT or far.owner in carried else HELD
         moves = (near.owner, near.link) in moving and far.owner not in (ROBOT, near.owner)
         return f"{near.owner}/{near.link}" if moves else None
 
@@ -297,7 +293,7 @@ def fingers_may_touch(robot: Robot, other: str, *, hand: bool = False) -> Allowe
 
 
 def held_may_touch(others: Iterable[str]) -> Allowed:
-    """Return the pairs that let the held object touch others, such as the support it is lifted from."""
+    """Return the pairs that let the held object and its cargo touch others, such as the support it is lifted from."""
     return frozenset((HELD, other) for other in others)
 
 

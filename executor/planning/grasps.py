@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.asset_geometry import bounds, width_at
 from executor.assets.model import Asset, Handle, Rim, Vector
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
-from executor.planning.collision import Carried
+from executor.planning.cargo import Carried
 from executor.planning.stances import HandGoal
 from oag.model.robots import HandShape
 

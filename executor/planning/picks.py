@@ -12,8 +12,9 @@ import numpy as np
 
 from bddl import Atom
 from executor.assets.model import Asset
-from executor.geometry import Array, inverse
-from executor.planning.collision import Carried, fingers_may_touch, held_may_touch
+from executor.geometry import Array
+from executor.planning.cargo import cargo_of, carried_by, touching_any
+from executor.planning.collision import fingers_may_touch, held_may_touch
 from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_goals
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
@@ -26,7 +27,7 @@ from executor.planning.stances import (
     search_stances,
 )
 from executor.records import Failure, FailureKind
-from executor.sim.detectors import box_around, read, touching_bodies
+from executor.sim.detectors import box_around, read
 from executor.sim.world import World
 from oag import Action
 from oag.measurements import TooWide, Unplanned
@@ -146,10 +147,10 @@ class Pick:
 
     def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:
         """Return a validation of the lift: whether the moves can lift the item, held around it or at its wall."""
-        asset, T_item, oracle = self._asset, self._T_item, self.planner.oracle
+        asset, oracle = self._asset, self.planner.oracle
         width_m = asset.graspable_width_m or min(asset.extent_m[:2])
         opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
-        resting = held_may_touch(touching_bodies(self.world, self.item))
+        resting = held_may_touch(touching_any(self.world, (self.item, *cargo_of(self.world, self.item))))
         lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)
         options = [
             tuple(
@@ -159,7 +160,7 @@ class Pick:
         ]
 
         def lift(q: Array) -> tuple[Lift, float] | None:
-            oracle.carried = Carried(self.item, inverse(self.planner.kinematics.forward(q)) @ T_item)
+            oracle.carried = carried_by(self.world, self.item, self.planner.kinematics.forward(q))
             try:
                 return first_lift(q)
             finally:

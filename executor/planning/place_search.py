@@ -21,8 +21,9 @@ import numpy as np
 
 from executor.assets.asset_geometry import rolls_freely
 from executor.assets.model import Region
-from executor.geometry import Array, inverse, pitch_of
-from executor.planning.collision import HELD, Carried, Hit
+from executor.geometry import Array, pitch_of
+from executor.planning.cargo import Carried, carried_by
+from executor.planning.collision import HELD, Hit
 from executor.planning.paths import FINE_ARM_STEP_RAD, base_move, polyline, segment
 from executor.planning.placements import UPWARD, placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
@@ -445,7 +446,7 @@ class PlacementLookahead:
     def _can_be_put(self, goal: HandGoal, budget: int) -> tuple[bool, bool]:
         """Return whether a hand can place the item, and whether all candidates were looked at within the budget."""
         world, oracle = self._world, self._planner.oracle
-        carried = Carried(self._item, inverse(goal.T_world_eef) @ world.T_world_link(self._item))
+        carried = carried_by(world, self._item, goal.T_world_eef)
         upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
         wanted = placement_goals(
             world,

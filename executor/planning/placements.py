@@ -19,7 +19,7 @@ from executor.assets.asset_geometry import rolls_freely
 from executor.assets.footprint import EDGES, Disc, Footprint, gaps_m
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform
-from executor.planning.collision import Carried
+from executor.planning.cargo import Carried
 from executor.planning.grasps import heading_of_hand, is_held_at_rim
 from executor.planning.stances import HandGoal
 from executor.sim.detectors import box_around
@@ -408,7 +408,7 @@ def placement_goals(
         forecast: Whether one fall is enough for each region: the highest into what is open at the top, else the lowest.
         slid: (4, 4) by what the regions will have moved until then, in the world.
     """
-    asset, own = world.assets[carried.object_id], (carried.object_id, support)
+    asset, own = world.assets[carried.object_id], (*carried.ids, support)
     loose = world.assets if support == FLOOR else world.dynamic_ids
     others = {name: Footprint.around(*box_around(world, name)) for name in loose if name not in own}
     found = []

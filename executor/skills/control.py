@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from executor.geometry import Array, inverse, wrap_angle
-from executor.planning.articulation import riders
-from executor.planning.collision import HELD, NOTHING, Allowed, Carried, is_allowed
+from executor.planning.cargo import Carried, cargo_of, riders
+from executor.planning.collision import HELD, NOTHING, Allowed, is_allowed
 from executor.records import DriveCommand, Failure, FailureKind
 from executor.sim.detectors import fingers_touching, touching_bodies
 from executor.sim.robot.kinematics import Kinematics
@@ -44,7 +44,7 @@ class Monitor:
     Attributes:
         world: The world that moves.
         kinematics: For the hand's pose.
-        carried: What the gripper holds and where in the hand it was at the start, or None.
+        carried: What the gripper holds, with its cargo, and where in the hand it was at the start; or None.
         gripped: Id of the object that must stay between the fingers, such as a door; None when nothing must.
         allowed: Intended contacts.
     """
@@ -61,22 +61,22 @@ class Monitor:
         return self._contacts() or self._grip()
 
     def _contacts(self) -> Failure | None:
-        carried = self.carried.object_id if self.carried else None
-        for contact in self.world.contacts({"robot", carried or "robot"}):
+        carried = self.carried.ids if self.carried else ()
+        for contact in self.world.contacts({"robot", *carried}):
             for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
                 if near.owner == "robot":
                     mover = near.link
-                elif near.owner == carried:
+                elif near.owner in carried:
                     mover = HELD
                 else:
                     continue
-                if far.owner in ("robot", carried) or (near.owner == "robot" and far.owner == "ground"):
+                if far.owner in ("robot", *carried) or (near.owner == "robot" and far.owner == "ground"):
                     continue
                 if is_allowed(self.allowed, mover, far.owner, far.link):
                     continue
                 force_n = contact.impulse_ns / self.world.timestep_s
                 if force_n > CONTACT_FORCE_N:
-                    what = (carried or HELD) if mover == HELD else mover
+                    what = near.owner if mover == HELD else mover
                     return Failure(
                         FailureKind.COLLISION,
                         f"{what} ran into {far.owner} ({far.link}) with {force_n:.0f} N",
@@ -109,7 +109,7 @@ class Monitor:
 
 
 class Bystanders:
-    """Items that a subtask does not involve: they must stay where they are.
+    """Items that a subtask does not involve: they must stay where they are, and cargo where it rides.
 
     Args:
         world: The world at the subtask's start.
@@ -117,13 +117,16 @@ class Bystanders:
     """
 
     def __init__(self, world: World, target: str) -> None:
-        self._world = world
+        self._world, self._target = world, target
+        self._cargo: dict[str, Array] = {}
         poses = {i: world.T_world_link(i) for i in world.dynamic_ids}
         along = {target}
         if target in poses:
             # What stands on or in an item that is moved goes along with it.
             touching = (i for i in touching_bodies(world, target) if i in poses)
             along |= {i for i in touching if poses[i][2, 3] > poses[target][2, 3]}
+            self._cargo = {item: self._in_target(item) for item in cargo_of(world, target)}
+            along |= self._cargo.keys()
         else:
             along.update(riders(world, target))
         self._before = {i: T for i, T in poses.items() if i not in along}
@@ -135,16 +138,30 @@ class Bystanders:
         return {i: round(distance, 4) for i, distance in distances.items() if distance > NOTICED_M}
 
     def check(self) -> Failure | None:
-        """Return a failure that names the first item that moved too far or tipped over, or None."""
+        """Return a failure that names the first item that moved too far, tipped over or left its carrier, or None."""
         for object_id, before in self._before.items():
-            now = self._world.T_world_link(object_id)
-            moved_m = float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
-            tilted = float(now[:3, 2] @ before[:3, 2]) < float(np.cos(np.deg2rad(TIPPED_DEG)))
-            if moved_m > DISPLACED_M or tilted:
-                how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tilted else "")
-                moved = SideEffect(object_id, round(moved_m, 3), tilted)
-                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", (moved,))
+            moved_m, tipped = _moved(before, self._world.T_world_link(object_id))
+            if moved_m > DISPLACED_M or tipped:
+                how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tipped else "")
+                found = SideEffect(object_id, round(moved_m, 3), tipped)
+                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", (found,))
+        still_there = cargo_of(self._world, self._target) if self._cargo else ()
+        for object_id, before in self._cargo.items():
+            if object_id not in still_there:
+                moved_m, tipped = _moved(before, self._in_target(object_id))
+                found = SideEffect(object_id, round(moved_m, 3), tipped)
+                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} fell off {self._target}", (found,))
         return None
+
+    def _in_target(self, object_id: str) -> Array:
+        """Return the (4, 4) pose of an item in the target's frame."""
+        return inverse(self._world.T_world_link(self._target)) @ self._world.T_world_link(object_id)
+
+
+def _moved(before: Array, now: Array) -> tuple[float, bool]:
+    """Return how far an item has moved between two poses (4, 4), in metres, and whether it tipped over."""
+    moved_m = float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
+    return moved_m, float(now[:3, 2] @ before[:3, 2]) < float(np.cos(np.deg2rad(TIPPED_DEG)))
 
 
 def stall(robot: Robot, q: Array, target: Array, max_offset_m: float = 0.0) -> Failure | None:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from executor.assets.asset_geometry import rolls_freely
 from executor.geometry import Array, inverse, pose_vector
-from executor.planning.articulation import riders
+from executor.planning.cargo import cargo_of, riders
 from executor.records import Failure
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
 from executor.sim.robot.kinematics import Kinematics
@@ -171,8 +171,7 @@ class DryWorld(World):
             return
         self._between = first
         if first.owner in self._poses:
-            own = riders(self, first.owner, self.assets[first.owner].links[0].name)
-            self.along = (first.owner, *(name for name in own if name != first.owner))
+            self.along = (first.owner, *cargo_of(self, first.owner))
 
     def open_fingers(self, opening_m: float) -> tuple[str, ...]:
         """Open the fingers, and return what is loose now."""

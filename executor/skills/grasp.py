@@ -14,12 +14,13 @@ from executor.assets.model import Handle
 from executor.geometry import Array, inverse, rotation_z
 from executor.planning.articulation import handle_contacts
 from executor.planning.articulation_stances import gripped_handle
+from executor.planning.cargo import cargo_of, touching_any
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.drives import drive_to
 from executor.planning.picks import in_the_way
 from executor.planning.planner import BASE_HEADINGS_RAD
 from executor.records import Failure, FailureKind
-from executor.sim.detectors import fingers_touching, touching_bodies
+from executor.sim.detectors import fingers_touching
 from executor.skills.navigate import follow_legs, grip_width_m, misfit, with_stance
 from executor.skills.session import Hand, Plan, Session, StepResult
 from oag import Action, Primitive
@@ -62,7 +63,8 @@ def grasp(session: Session, action: Action) -> StepResult:
         return replace(session, hand=pushing, handled=handled).done(action, GripMeasured(motion="push"))
     if (failure := misfit(target, asset, session.gripper)) is not None:
         return session.done(action, failure=failure)
-    supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
+    lifted = (target, *cargo_of(session.world, target))
+    supports = [body for body in touching_any(session.world, lifted) if body != "robot"]
     planned_hold, at_rim = _planned_hold(session), session.plan.at_rim
     swing = session.plan.swing
     # A bar that is to turn between the fingers is pressed by what the spring of their drives gives, some 20 N.

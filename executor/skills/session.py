@@ -13,10 +13,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from executor.geometry import Array, inverse
+from executor.geometry import Array
 from executor.planning.articulation import Swing
+from executor.planning.cargo import carried_by
 from executor.planning.choices import Choice
-from executor.planning.collision import NOTHING, Allowed, Carried
+from executor.planning.collision import NOTHING, Allowed
 from executor.planning.drives import Drive
 from executor.planning.picks import Lift
 from executor.planning.planner import Planner
@@ -185,15 +186,14 @@ class Session:
         return drift_m
 
     def sync_planner(self) -> None:
-        """Synchronise the planner with the world, the held object's place in the hand included."""
+        """Synchronise the planner with the world, the place of the held object and its cargo in the hand included."""
         self.planner.oracle.synchronize(self.believed)
         qpos = np.asarray(self.world.robot.get_qpos(), dtype=float)
         self.planner.oracle.opening_m = float(qpos[self.planner.robot.fingers].mean())
         self.planner.oracle.carried = None
         held = self.hand.held
         if held is not None:
-            T_eef_object = inverse(self.planner.kinematics.forward(qpos)) @ self.world.T_world_link(held)
-            self.planner.oracle.carried = Carried(held, T_eef_object)
+            self.planner.oracle.carried = carried_by(self.world, held, self.planner.kinematics.forward(qpos))
 
     def monitor(self, allowed: Allowed = NOTHING, *, gripped: str | None = None) -> Monitor:
         """Return a monitor for a motion that starts now."""

@@ -11,7 +11,8 @@ from executor.assets.model import Joint
 from executor.geometry import Array, inverse
 from executor.planning.articulation import ArticulationTask, end_fractions
 from executor.planning.articulation_stances import rigid_stances
-from executor.planning.collision import Carried, CollisionOracle, fingers_may_touch, held_may_touch
+from executor.planning.cargo import Carried
+from executor.planning.collision import CollisionOracle, fingers_may_touch, held_may_touch
 from executor.planning.paths import polyline
 from executor.planning.picks import Pick
 from executor.planning.planner import Planner

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.footprint import Footprint
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
-from executor.planning.collision import Carried
+from executor.planning.cargo import Carried
 from executor.planning.place_search import fill_options, lowerings_m
 from executor.planning.placements import (
     APART_M,

@@ -14,7 +14,8 @@ from executor.assets.library import sample
 from executor.assets.model import Handle
 from executor.geometry import inverse
 from executor.planning.articulation_stances import OPENING, Purpose, articulation_stances, first_item_put_inside
-from executor.planning.collision import Carried, CollisionOracle
+from executor.planning.cargo import Carried
+from executor.planning.collision import CollisionOracle
 from executor.planning.grasps import item_goals
 from executor.planning.place_search import PlaceSearch
 from executor.planning.planner import Planner

@@ -14,7 +14,8 @@ from executor.assets.asset_geometry import scaled, shifted
 from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
 from executor.geometry import heading_of, inverse, transform
-from executor.planning.collision import Carried, CollisionOracle
+from executor.planning.cargo import Carried
+from executor.planning.collision import CollisionOracle
 from executor.planning.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
 from executor.planning.picks import Pick, explain_rim_failure
 from executor.planning.placements import PlacementSpot, rim_placement_goals

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY, sample
-from executor.planning.collision import Carried, CollisionOracle
+from executor.planning.cargo import Carried
+from executor.planning.collision import CollisionOracle
 from executor.sim.engine import ROBOT
 from executor.sim.robot.description import BASE_LINK, MAST_LINK
 from executor.sim.world import World
