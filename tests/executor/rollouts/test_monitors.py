@@ -33,12 +33,26 @@ def test_what_is_in_a_moved_bowl_goes_along_but_the_bowl_of_a_moved_apple_stays(
     world.set_object_pose("apple_0", world.T_world_link("bowl_0") @ at(0.0, 0.0, 0.02))
     settle(world)
     of_bowl, of_apple = Bystanders(world, "bowl_0"), Bystanders(world, "apple_0")
-    world.set_object_pose("apple_0", world.T_world_link("apple_0") @ at(0.0, 0.0, 0.3))
+    for name in ("bowl_0", "apple_0"):
+        world.set_object_pose(name, at(0.0, 0.0, 0.3) @ world.T_world_link(name))
     assert of_bowl.check() is None
-    assert of_apple.check() is None
-    world.set_object_pose("bowl_0", world.T_world_link("bowl_0") @ at(0.1, 0.0, 0.0))
     failure = of_apple.check()
     assert failure is not None and measurements_json(failure.measurements)["object"] == "bowl_0"
+    assert "bowl_0 moved 30 cm" in failure.message
+
+
+@pytest.mark.physics
+def test_cargo_that_falls_off_what_is_moved_is_a_side_effect(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t3")
+    world.set_object_pose("apple_0", world.T_world_link("bowl_0") @ at(0.0, 0.0, 0.02))
+    settle(world)
+    of_bowl, of_apple = Bystanders(world, "bowl_0"), Bystanders(world, "apple_0")
+    world.set_object_pose("apple_0", at(0.0, 0.0, 0.3) @ world.T_world_link("apple_0"))
+    assert of_apple.check() is None
+    failure = of_bowl.check()
+    assert failure is not None and failure.kind is FailureKind.SIDE_EFFECT
+    assert failure.message == "apple_0 fell off bowl_0"
+    assert measurements_json(failure.measurements)["moved_m"] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_a_stall_says_how_far_short_it_is() -> None:
