@@ -44,6 +44,8 @@ NEAR_SAMPLES = 300
 
 AROUND_M = 0.8  # Around all furniture, so that paths lead round it.
 WAYPOINT_M = 0.01  # Between waypoints of a line.
+SPILL_COSINE = float(np.cos(np.deg2rad(20.0)))
+"""Of how far a carrier may lean on its way: less than the walls of bowls rise, and what stands on a plate tips over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +129,8 @@ class Planner:
     def arm_path(self, q: Array, arm: Array, *, iterations: int = 400) -> Array | None:
         """Return free waypoints (N, Q) that bring the arm to a posture with the base standing still, or None.
 
+        What carries cargo is kept upright on the way.
+
         Args:
             q: (Q,) start.
             arm: (A,) wanted posture.
@@ -141,6 +145,7 @@ class Planner:
         if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=ARM_MARGIN_M):
             return None
         lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
+        upward = self.kinematics.forward(q)[2, :3]
         middle, spread = (here + arm) / 2, np.abs(here - arm) / 2 + 0.5
 
         def sample() -> Array:
@@ -154,7 +159,7 @@ class Planner:
             def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
                 ends = np.concatenate([base, a]), np.concatenate([base, b])
                 way = segment(self.robot, *ends, arm_step_rad=step_rad)
-                return self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
+                return not self._spills(way, upward) and self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
 
             way = connect(
                 here,
@@ -171,6 +176,17 @@ class Planner:
             if all(edge_is_free(a, b, FINE_ARM_STEP_RAD) for a, b in pairwise(way)):
                 return np.stack([np.concatenate([base, posture]) for posture in way])
         return None
+
+    def _spills(self, way: Array, upward: Array) -> bool:
+        """Return whether what is carried loses its cargo on a way (N, Q), since it leans too far.
+
+        Args:
+            upward: (3,) the hand's direction that points up while the carrier is upright.
+        """
+        carried = self.oracle.carried
+        if carried is None or not carried.cargo:
+            return False
+        return any(float(self.kinematics.forward(q)[2, :3] @ upward) < SPILL_COSINE for q in way)
 
     def base_path(self, q: Array, base: Array, *, iterations: int = 800) -> Array | None:
         """Return free waypoints (N, Q) that drive to a base pose with the arm as it is, or None.

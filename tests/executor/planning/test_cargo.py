@@ -10,6 +10,7 @@ import pytest
 from executor.geometry import inverse
 from executor.planning.cargo import Carried, cargo_of, carried_by, touching_any
 from executor.planning.collision import CollisionOracle, held_may_touch
+from executor.planning.planner import Planner
 from executor.sim.detectors import box_around
 from executor.sim.world import World
 from executor.skills.control import Monitor
@@ -96,3 +97,22 @@ def test_a_monitor_takes_no_offence_at_cargo_pressing_on_its_carrier(worlds: tup
         world.step()
         contacts = Monitor(world, oracle.kinematics, carried=carried, allowed=resting)._contacts()
         assert contacts is None
+
+
+def test_a_carrier_with_cargo_is_not_turned_over(worlds: tuple[World, CollisionOracle]) -> None:
+    world, oracle = worlds
+    planner = Planner(oracle)
+    planner.start_subtask(world, 0, 0)
+    flat = carried_by(world, "bowl_0", world.T_world_link("bowl_0") @ inverse(FAR_M))
+    leaning = np.array(PAPER_ROBOT.home)
+    leaning[5] += np.deg2rad(40.0)  # The wrist, which pitches the hand.
+    turned = np.array(PAPER_ROBOT.home)
+    turned[0] += np.deg2rad(40.0)  # About the vertical.
+    try:
+        oracle.carried = Carried(flat.object_id, flat.T_eef_object)
+        assert planner.arm_path(FREE, leaning) is not None
+        oracle.carried = flat
+        assert planner.arm_path(FREE, leaning) is None
+        assert planner.arm_path(FREE, turned) is not None
+    finally:
+        oracle.carried = None
