@@ -36,6 +36,7 @@ OVERLAP_M = 0.002
 
 FINGER_TOUCH_M = 0.0003  # Fingers that come so near to something press on it.
 HALVINGS = 12  # Of the way of a finger: to a hundredth of a millimetre.
+WALL_STEPS = 20  # Of the same way, where walls are looked for: 2 mm, thinner than walls are.
 LOOKS = 6  # Configurations of a path at which its monitor looks.
 FALL_STEP_M = 0.004  # Thinner than what things are put on.
 SUNK_M = 0.0002
@@ -155,6 +156,8 @@ class DryWorld(World):
         """Close each finger until it touches something, and hold what both touch."""
         free_m, met_m = self._fingers_m.copy(), np.full(2, max(least_m, 0.0))
         touched = self._touched(met_m)
+        if None in touched:
+            self._stop_at_walls(free_m, met_m, touched)
         for _ in range(HALVINGS):
             middle_m = np.array([(a + b) / 2 if t else b for a, b, t in zip(free_m, met_m, touched, strict=True)])
             now = self._touched(middle_m)
@@ -172,6 +175,23 @@ class DryWorld(World):
         self._between = first
         if first.owner in self._poses:
             self.along = (first.owner, *cargo_of(self, first.owner))
+
+    def _stop_at_walls(self, free_m: Array, met_m: Array, touched: list[BodyRef | None]) -> None:
+        """Find what the fingers that touch nothing once shut meet on their way: the wall of a mug that is hollow there.
+
+        Args:
+            free_m: (2,) where each finger is open; set to the last position before it touches something.
+            met_m: (2,) where each finger is shut; set to the first position where it touches something.
+            touched: What each finger touches at `met_m`; filled in.
+        """
+        open_m, shut_m, last_m = free_m.copy(), met_m.copy(), free_m.copy()
+        for share in np.arange(1, WALL_STEPS) / WALL_STEPS:
+            now_m = open_m + share * (shut_m - open_m)
+            now = self._touched(now_m)
+            for k in range(2):
+                if touched[k] is None and now[k] is not None:
+                    free_m[k], met_m[k], touched[k] = last_m[k], now_m[k], now[k]
+            last_m = now_m
 
     def open_fingers(self, opening_m: float) -> tuple[str, ...]:
         """Open the fingers, and return what is loose now."""

@@ -14,6 +14,7 @@ import oag
 from executor.records import Event, FailureKind
 from executor.rollouts.checkpoint import Checkpoint
 from executor.scenes.library import load
+from executor.sim.robot.kinematics import Kinematics
 from executor.skills import library
 from executor.skills.control import Controller
 from executor.skills.dry_run import DryController, DryWorld
@@ -97,6 +98,22 @@ def test_what_the_fingers_close_on_goes_along_and_comes_down_again(kitchen: Scen
         assert control.grip(0.0).max() < 1e-3 and not world.along, "there is nothing between the fingers"
         world.restore(state)
         assert np.array_equal(world.T_world_link("glass_0"), before)
+
+
+def test_fingers_stop_at_the_walls_of_a_hollow_mug(kitchen: Scene) -> None:
+    size = (0.109, 0.077, 0.086)
+    mug = SceneObject("mug_0", "mug", "mug", (-2.0, -2.0, size[2] / 2), (1.0, 0.0, 0.0, 0.0), size, (1.0, 1.0, 1.0))
+    scene = with_things(kitchen, mug_0=mug)
+    start = Checkpoint.at_start(scene)
+    with DryWorld(scene, start.packed) as world:
+        control = DryController(world, np.array(start.target), start.finger_target_m)
+        control.grip(0.04)
+        # Upright as the hand sees it, its body between the fingers, which reach 15 mm below its rim.
+        T_eef_mug = np.diag([1.0, -1.0, -1.0, 1.0])
+        T_eef_mug[0, 3], T_eef_mug[2, 3] = 0.012, size[2] / 2 - 0.015
+        world.put("mug_0", Kinematics(world.robot, world.model).forward(control.q) @ T_eef_mug)
+        assert control.grip(0.0).sum() == pytest.approx(size[1], abs=2e-3)
+        assert world.along == ("mug_0",)
 
 
 def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
