@@ -21,8 +21,8 @@ import oag
 from bddl import Atom
 from executor import add_skill, feasible, rollout
 from executor.assets.asset_geometry import bounds
-from executor.geometry import Array, hand_rotation, inverse, rotation_z, transform
-from executor.planning.cargo import Carried
+from executor.geometry import Array, hand_rotation, rotation_z, transform
+from executor.planning.cargo import carried_by
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.stances import HandGoal, Stance, search_stances
 from executor.records import Failure, FailureKind
@@ -124,7 +124,6 @@ def stances(session: Session, thing: str, stroke: Stroke) -> Iterator[Stance[Str
     planner, oracle = session.planner, session.planner.oracle
     opening_m, touch = finger_m(session, thing, stroke), may_touch(session, thing)
     resting = held_may_touch(touching_bodies(session.believed, thing))
-    T_thing = session.believed.T_world_link(thing)
 
     def validate(q: Array) -> tuple[Stroke, float] | None:
         T_touch = moved(planner.kinematics.forward(q), BEHIND_M * stroke.direction)
@@ -134,7 +133,7 @@ def stances(session: Session, thing: str, stroke: Stroke) -> Iterator[Stance[Str
         pushing = planner.line(to_thing[-1], moved(T_touch, stroke.distance_m * stroke.direction)).path
         if pushing is None:
             return None
-        oracle.carried = Carried(thing, inverse(T_touch) @ T_thing)
+        oracle.carried = carried_by(session.believed, thing, T_touch)
         try:
             hit = oracle.first_hit(pushing, opening_m=opening_m, allowed=touch | resting, margin_m=CLEARANCE_M)
         finally:

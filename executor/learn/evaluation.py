@@ -26,17 +26,16 @@ from executor.data.views import Look, footage_path, render_views
 from executor.envs import MOST_STEPS
 from executor.envs.episodes import DrawnEpisode, hand_distance_m
 from executor.envs.scene_environment import SceneEnvironment
-from executor.geometry import inverse
 from executor.learn.acting import Policy
 from executor.learn.demonstrations import EpisodeKind
 from executor.learn.observations import plan_of
 from executor.planning.articulation import handle_contacts
-from executor.planning.cargo import Carried
+from executor.planning.cargo import carried_by, touching_any
 from executor.planning.collision import NOTHING, Allowed, fingers_may_touch, held_may_touch
 from executor.records import Failure
 from executor.rollouts.goals import tilt_deg
 from executor.scenes.generators.families import Family
-from executor.sim.detectors import GRIPPER, fingers_touching, read, touching_bodies
+from executor.sim.detectors import GRIPPER, fingers_touching, read
 from executor.sim.engine import ROBOT
 from executor.sim.render.cameras import cameras_for
 from executor.sim.render.home import home_of
@@ -225,10 +224,10 @@ class MonitorWatch:
             self._note(behind)
         item = self._targets[-1]
         if self._monitor.carried is None and item in world.dynamic_ids and fingers_touching(world, item) == 2:
-            T_eef_item = inverse(self._kinematics.forward(q)) @ world.T_world_link(item)
-            supports = [body for body in touching_bodies(world, item) if body != ROBOT]
+            carried = carried_by(world, item, self._kinematics.forward(q))
+            supports = [body for body in touching_any(world, carried.ids) if body != ROBOT]
             allowed = self._monitor.allowed | held_may_touch(supports)
-            self._monitor = replace(self._monitor, carried=Carried(item, T_eef_item), allowed=allowed)
+            self._monitor = replace(self._monitor, carried=carried, allowed=allowed)
 
     def _note(self, failure: Failure | None) -> None:
         if failure is not None:
