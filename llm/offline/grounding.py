@@ -128,6 +128,15 @@ class Grounding:
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
+    def other(self, phrase: NounPhrase, known: Collection[str]) -> NounPhrase:
+        """Return the phrase of the only object beside the known ones for "the other mug"; other phrases unchanged."""
+        words = tuple(word for word in phrase.words if word != "other")
+        if words == phrase.words or not words or phrase.several:
+            return phrase
+        ids = self.names.described(words).ids
+        left = tuple(key for key in ids if key not in known)
+        return replace(phrase, words=left) if len(left) == 1 < len(ids) else phrase
+
     def nowhere(self, phrase: NounPhrase) -> bool:
         """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
         try:

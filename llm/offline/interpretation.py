@@ -95,7 +95,7 @@ class _IntentBuilder(Housekeeping):
             mention = Mention(_ARRANGING[command.kind](self, command))
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
-            if placed and command.kind == "nowhere" and following is not None and following.kind == "place":
+            if placed and (command.kind, following and following.kind) == ("nowhere", "place"):
                 # "Move the can from the table and put it in the bin".
                 command = replace(command, kind="pick")
             mention = self._wished(command, placed)
@@ -334,13 +334,6 @@ class _IntentBuilder(Housekeeping):
         place = Location("TO", NounPhrase((self.reached,)), "to")
         return Mention(_placings(ids, self._relation(place, ids, Grounded(self.reached)), self.reached))
 
-    def _goes_in(self, command: Command, grounded: Grounded) -> bool:
-        """Decide whether the destination is a hollow part: a drawer, but not a door."""
-        place = command.destination
-        if place is None or place.direction not in ("INTO", "IN", "TO") or not grounded.hollow:
-            return False
-        return self.grounding.around.affordances[grounded.object_id].interior
-
     def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         if command.destination is None:
             return self._targets(command, source, ()), None
@@ -372,7 +365,7 @@ class _IntentBuilder(Housekeeping):
         unclear: list[Refusal] = []
         for phrase in command.objects:
             try:
-                phrase = self._other(phrase)
+                phrase = self.grounding.other(phrase, self.discourse.themes)
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
                 meant = self._target(command, phrase, source, rather_not, {*taken, *others})
@@ -393,16 +386,6 @@ class _IntentBuilder(Housekeeping):
                 raise unclear[0]
             found += map(Grounded, unclear[0].among)
         return tuple({(grounded.object_id, grounded.part): grounded for grounded in found}.values())
-
-    def _other(self, phrase: NounPhrase, hosts: Sequence[str] = ()) -> NounPhrase:
-        """Return the only one for "the other mug" that no wish has named, and that what is moved does not stand on."""
-        words = tuple(word for word in phrase.words if word != "other")
-        if words == phrase.words or not words or phrase.several:
-            return phrase
-        ids = self.grounding.names.described(words).ids
-        named = {*hosts, *(key for mention in self.discourse.mentions for key in mention.themes)}
-        left = tuple(key for key in ids if key not in named)
-        return replace(phrase, words=left) if len(left) == 1 < len(ids) else phrase
 
     def _target(
         self,
@@ -479,7 +462,7 @@ class _IntentBuilder(Housekeeping):
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
-            phrase, there = self._other(place.phrase, hosts), place.phrase.location
+            phrase, there = self.grounding.other(place.phrase, hosts), place.phrase.location
             # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
             any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)
             moves = there is not None and {place.direction, there.direction} <= {*_INTO_OR_ONTO, "TO"}

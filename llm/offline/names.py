@@ -127,10 +127,12 @@ class Names:
         """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
 
         What stands before it in "the sink counter" is taken on trust. A name of several words is one of its own: "the
-        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens.
+        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens. "The table shelf" is
+        one of the table, while a drawer of a desk can be a thing of its own.
         """
-        owners = (key for word in words[:-1] for key in self.by_name(word).ids)
-        if not all(map(self.knows, words)) or any(self.affordances[key].door for key in owners):
+        owners = [key for word in words[:-1] for key in self.by_name(word).ids]
+        a_part = words[-1] == "shelf" and any(self.scene.objects[key].role == "A" for key in owners)
+        if not all(map(self.knows, words)) or a_part or any(self.affordances[key].door for key in owners):
             return Named((), " ".join(words))
         for start in range(1, len(words)):
             named = self.described(words[start:])
