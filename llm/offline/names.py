@@ -98,14 +98,14 @@ class Names:
     def with_own_nouns(self, tokens: Sequence[TaggedWord]) -> tuple[TaggedWord, ...]:
         """Return words in which "the big and small boxes" are "all big boxes and all small boxes".
 
-        "The yellow and blue jar" is one jar. A word that names a thing, such as "orange", describes none here.
+        "The yellow and blue jar" is one jar. A word that can name a thing, such as "orange", describes none here.
         """
         kept = list(tokens)
         for index in range(len(kept) - 3, 0, -1):
             one, link, other, noun = kept[index - 1 : index + 3]
             if link.terminal != "AND" or noun.terminal != "WORD":
                 continue
-            if self.by_name(one.text).ids or self.by_name(other.text).ids:
+            if any(self.by_name(word.text).ids or self.lexicon.owners(word.text) for word in (one, other)):
                 continue
             end = next((i for i in range(index, len(kept)) if kept[i].terminal not in ("AND", "WORD")), len(kept))
             name, before = kept[index + 2 : end], kept[index - 2] if index > 1 else None

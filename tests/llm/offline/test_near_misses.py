@@ -26,6 +26,7 @@ FLAT = SCENES["flat"]
         ("throw the big and small box away", "unknown-object"),
         ("put the red and blue mug on the sofa", "unknown-object"),
         ("put the red and green mugs on the sofa", "unknown-object"),
+        ("put the orange and small boxes on the sofa", "unknown-object"),
         ("put the soap and the salt on the sofa", "ambiguous-object"),
         ("put the mug on the table and the other mug on the sofa", "ambiguous-object"),
         ("put the other mug on the sofa", "unknown-object"),
