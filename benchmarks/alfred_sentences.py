@@ -2,6 +2,7 @@
 
     python -m benchmarks.alfred_sentences FOLDER [--half tuning] [--types simple two] [--show]
     python -m benchmarks.alfred_sentences FOLDER --tests [--half tuning] [--types simple two stacked] [--show]
+    python -m benchmarks.alfred_sentences CLONE --drawn 700 [--without FOLDER ...] [--types simple two stacked] [--show]
 
 FOLDER holds the command files of github.com/zebehn/revisiting_alfred (`refined_*_commands.json`, MIT): instructions
 that people wrote for tasks of ALFRED, each with the action sequence of its expert. Every task becomes a scene: the
@@ -18,6 +19,11 @@ that its instruction names, wherever they stand. A thing starts at the place tha
 of", and else on the counter, or on a shelf. Of the types clean, heat, cool, light and sliced nothing can be done here,
 so that every plan for them is one for something else.
 
+With --drawn, CLONE is a clone of github.com/askforalfred/alfred (MIT), whose history holds the training annotations.
+One of each demonstration is drawn, with a seed, until there are as many sentences as asked for. None of them is in
+the files of the folders after --without. The thing and the place are those of the expert's task. The home is made as
+for the test splits.
+
     understood  a plan that is proved, and whose goal moves the things of the expert's plan, and only these, there
     other       a plan that is proved for something else: to be looked at, since experts and people can disagree
     refused     by the code of the refusal
@@ -28,7 +34,9 @@ from __future__ import annotations
 import argparse
 import json
 import pickle
+import random
 import re
+import subprocess
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -48,6 +56,9 @@ _TYPES = {
     "light": "look_at_obj_in_light",
 }
 _SPLITS = {"tuning": "seen", "judging": "unseen"}
+# The commit of ALFRED's repository whose tree has the annotations, and the seed of the draw.
+_ANNOTATIONS = "495d2c39ee3db399696a5c58512faf3c8d8f122c"
+_DRAW_SEED = 20261129
 # Places of AI2-THOR as people call them; the longer names first.
 _CALLED = {
     "coffee table": "coffee_table", "side table": "side_table", "end table": "side_table", "night stand": "side_table",
@@ -121,6 +132,52 @@ def split_instructions(folder: Path, half: str, types: Sequence[str]) -> list[In
     others = splits["tuning"] if half == "judging" else {}
     found = ((text, *_as_classified(text, read, types)) for text, read in sorted(splits[half].items()))
     return [Instruction(text, moves, scene) for text, moves, scene in found if scene is not None and text not in others]
+
+
+def drawn_instructions(clone: Path, count: int, types: Sequence[str], without: Sequence[Path]) -> list[Instruction]:
+    """Return instructions of ALFRED's training demonstrations, one of each that is drawn, in the order of the draw."""
+    known = {_letters(text) for folder in without for text in _sentences_in(folder)}
+    wanted = {_TYPES[name] for name in types}
+    trials: dict[str, list[str]] = {}
+    paths = _git(clone, "ls-tree", "-r", "--name-only", _ANNOTATIONS, "data/json_2.1.0").splitlines()
+    for path in sorted(path for path in paths if "/pp/ann_" in path):
+        task, trial = path.split("/")[2:4]
+        if task.split("-")[0] in wanted and "Sliced" not in task:
+            trials.setdefault(f"{task}/{trial}", []).append(path)
+    rng = random.Random(_DRAW_SEED)
+    order = sorted(trials)
+    rng.shuffle(order)
+    found: list[Instruction] = []
+    for trial in order:
+        annotation = json.loads(_git(clone, "show", f"{_ANNOTATIONS}:{rng.choice(trials[trial])}"))
+        told = annotation["turk_annotations"]["anns"][annotation["ann"]["repeat_idx"]]["task_desc"]
+        text, letters = normalised(told), _letters(told)
+        if annotation["split"] != "train" or letters in known:
+            continue
+        known.add(letters)
+        read = {**annotation["pddl_params"], "task_type": annotation["task_type"], "sliced": False}
+        moves, scene = _as_classified(text, read, types)
+        if scene is not None:
+            found.append(Instruction(text, moves, scene))
+        if len(found) == count:
+            break
+    return found
+
+
+def _git(clone: Path, *command: str) -> str:
+    return subprocess.run(["git", "-C", str(clone), *command], check=True, capture_output=True, text=True).stdout
+
+
+def _letters(text: str) -> str:
+    return " ".join(re.sub("[^a-z0-9 ]", "", normalised(text)).split())
+
+
+def _sentences_in(folder: Path) -> Iterator[str]:
+    for path in folder.glob("refined_*_commands.json"):
+        yield from (text for task in json.loads(path.read_text(encoding="utf-8")) for text in task["original"])
+    for path in folder.glob("instruction2_params_test_*.p"):
+        with path.open("rb") as file:
+            yield from _Plain(file).load()
 
 
 def _as_classified(
@@ -251,12 +308,16 @@ def main() -> None:
     parser.add_argument("--half", choices=("tuning", "judging"), default="tuning")
     parser.add_argument("--types", nargs="+", choices=(*_TYPES, "sliced"), default=["simple", "two"])
     parser.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
+    parser.add_argument("--drawn", type=int, metavar="COUNT", help="so many instructions of training demonstrations")
+    parser.add_argument("--without", nargs="+", type=Path, default=[], help="folders of sentences that are left out")
     parser.add_argument("--show", action="store_true")
     args = parser.parse_args()
     wanted = "instruction2_params_test_*seen.p" if args.tests else "refined_*_commands.json"
-    if len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
+    if args.drawn is None and len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
         parser.error(f"{args.folder} holds not the files {wanted} that are expected there; its help says where from")
-    if args.tests:
+    if args.drawn is not None:
+        half = drawn_instructions(args.folder, args.drawn, args.types, args.without)
+    elif args.tests:
         half = split_instructions(args.folder, args.half, args.types)
     else:
         half = instructions(args.folder, args.types)[0 if args.half == "tuning" else 1 :: 2]

@@ -36,6 +36,11 @@ class Discourse:
     around: Surroundings
     mentions: list[Mention] = field(default_factory=list)
 
+    @property
+    def themes(self) -> frozenset[str]:
+        """Objects that any command has acted on."""
+        return frozenset(key for mention in self.mentions for key in mention.themes)
+
     def item(self, phrase: NounPhrase) -> tuple[str, ...]:
         """Resolve a pronoun that names a moved item: what the latest command about items moved."""
         for index in range(len(self.mentions) - 1, -1, -1):

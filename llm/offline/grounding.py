@@ -17,6 +17,7 @@ from oag.model.where import Where
 from oag.sizes import TO_THE_AIM, Sizing
 
 _WHERE = {"FROM": "on or in", "OUTOF": "in"}
+_FROM_A_VIEWPOINT = ("LEFTOF", "RIGHTOF", "BEHIND", "INFRONT")
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 
@@ -42,10 +43,15 @@ _Noted = tuple[tuple[str, ...], tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Grounding:
-    """Ground phrases in one scene."""
+    """Ground phrases in one scene.
+
+    `trusts`: where no reading is a plan otherwise, the only piece of furniture that a name fits may be described by a
+    landmark that the scene lacks, or by a side that depends on the viewpoint.
+    """
 
     around: Surroundings
     names: Names
+    trusts: bool = False
 
     @classmethod
     def of(cls, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Self:
@@ -121,6 +127,15 @@ class Grounding:
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    def other(self, phrase: NounPhrase, known: Collection[str]) -> NounPhrase:
+        """Return the phrase of the only object beside the known ones for "the other mug"; other phrases unchanged."""
+        words = tuple(word for word in phrase.words if word != "other")
+        if words == phrase.words or not words or phrase.several:
+            return phrase
+        ids = self.names.described(words).ids
+        left = tuple(key for key in ids if key not in known)
+        return replace(phrase, words=left) if len(left) == 1 < len(ids) else phrase
 
     def nowhere(self, phrase: NounPhrase) -> bool:
         """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
@@ -264,14 +279,17 @@ class Grounding:
 
     def _as_described(self, words: Sequence[str], ids: tuple[str, ...], phrase: NounPhrase) -> tuple[str, ...]:
         """Return the objects of the colours and sizes that words name, as far as the scene states them."""
+        colours = tuple(word for word in words if word in COLORS)
+        stated = {key: stated_colors(self.around.scene.objects[key]) for key in ids}
         for word in words:
             if word in COLORS:
-                stated = {key: stated_colors(self.around.scene.objects[key]) for key in ids}
                 fitting = tuple(key for key in ids if COLORS[word] in stated[key])
                 unstated = tuple(key for key in ids if not stated[key])
                 if not fitting and not unstated:
-                    others = "; ".join(f"{key} is {enumeration(sorted(stated[key]))}" for key in ids)
-                    raise Refusal("unknown-object", f'no "{phrase}" of the scene is {word}: {others}')
+                    others = "; ".join(f"{key} is {enumeration(sorted(have))}" for key, have in stated.items() if have)
+                    asked = enumeration(colours) if len(colours) == 1 else f"{enumeration(colours)} at once"
+                    more = "" if len(colours) == 1 else "; name each of several things with its colour"
+                    raise Refusal("unknown-object", f'no "{phrase}" of the scene is {asked}: {others}{more}')
                 ids = fitting or unstated
             elif word in SIZES:
                 ids = by_size(ids, word, self.around.scene)
@@ -301,7 +319,9 @@ class Grounding:
             return None
         if len(things) == 1:
             # "The top drawer" of one, like "the left drawer"; of a thing with boards, "top" is one of these.
-            trusted = which[0] in LEVELS and (named_only or not has_boards(things[0].category))
+            if not named_only and has_boards(things[0].category) and phrase.side is None:
+                return self.names.door_of(named.ids[0], phrase)
+            trusted = which[0] in LEVELS
             return replace(named, descriptions=(*named.descriptions, *which)) if trusted else None
         ids, notes = self._narrowed(named, phrase, None)
         found = placed(ids, which[0], self.around.scene) if phrase.side is None else None
@@ -334,6 +354,24 @@ class Grounding:
         return ids
 
     def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
+        """Return the objects at a place, with the assumptions."""
+        try:
+            return self._found_at(ids, place)
+        except Refusal as refusal:
+            if not self._trusted(ids, place, refusal):
+                raise
+            return ids, (f'"{place}" is taken on trust: {refusal.problem}',)
+
+    def _trusted(self, ids: Sequence[str], place: Location, refusal: Refusal) -> bool:
+        """Decide whether a place that is not confirmed may describe the only piece of furniture of a name."""
+        if not self.trusts or len(ids) != 1 or self.around.scene.objects[ids[0]].role != "A":
+            return False
+        if refusal.code == "unknown-object":
+            named = " ".join(word for word in place.phrase.words if word not in self.names.lexicon.descriptions)
+            return place.direction in REFERENCE_DIRECTIONS and named in self.names.lexicon.landmarks
+        return refusal.code == "wrong-place" and (place.direction in _FROM_A_VIEWPOINT or place.direction == "TO")
+
+    def _found_at(self, ids: tuple[str, ...], place: Location) -> _Noted:
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase, named_only=True)
         supports, notes = self._narrowed(named, phrase, None)
@@ -365,6 +403,9 @@ class Grounding:
         held = self._of_one_name(held)
         named = self._bearers(held, named_only=True)
         things, notes = self._narrowed(named, held, None)
+        roles = {self.around.scene.objects[key].role for key in (*ids, *things)}
+        if self.trusts and len(ids) == 1 and roles == {"A"}:
+            return ids, (*named.notes, *notes, f'"with {held}" is taken on trust')
         if not held.whichever and len(things) > 1 and not set(things).isdisjoint(ids):
             problem = f'"{held}" can mean {alternatives(things)}; say which one by its id'
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, things)), among=things)

@@ -50,6 +50,13 @@ class Housekeeping:
             )
         return lambda key: place.direction not in ("ONTO", "ON") or affordances[key].surface or affordances[key].top
 
+    def _goes_in(self, command: Command, grounded: Grounded) -> bool:
+        """Decide whether the destination is a hollow part: a drawer, but not a door."""
+        place = command.destination
+        if place is None or place.direction not in ("INTO", "IN", "TO") or not grounded.hollow:
+            return False
+        return self.grounding.around.affordances[grounded.object_id].interior
+
     def _is_in_by_on(self, key: str) -> bool:
         """Decide whether people say "in" of what is on a thing: on the boards of a shelf, and on a seat."""
         category = self.grounding.around.scene.objects[key].category

@@ -95,6 +95,9 @@ class _IntentBuilder(Housekeeping):
             mention = Mention(_ARRANGING[command.kind](self, command))
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
+            if placed and (command.kind, following and following.kind) == ("nowhere", "place"):
+                # "Move the can from the table and put it in the bin".
+                command = replace(command, kind="pick")
             mention = self._wished(command, placed)
         if command.kind not in ("goto", "find") and self.reached is not None:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
@@ -331,17 +334,11 @@ class _IntentBuilder(Housekeeping):
         place = Location("TO", NounPhrase((self.reached,)), "to")
         return Mention(_placings(ids, self._relation(place, ids, Grounded(self.reached)), self.reached))
 
-    def _goes_in(self, command: Command, grounded: Grounded) -> bool:
-        """Decide whether the destination is a hollow part: a drawer, but not a door."""
-        place = command.destination
-        if place is None or place.direction not in ("INTO", "IN") or not grounded.hollow:
-            return False
-        return self.grounding.around.affordances[grounded.object_id].interior
-
     def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         if command.destination is None:
             return self._targets(command, source, ()), None
-        chooses = command.destination.phrase.pronoun or command.destination.phrase.whichever
+        goal = command.destination.phrase
+        chooses = goal.pronoun or goal.whichever or "other" in goal.words
         if chooses and not any(phrase.everything for phrase in command.objects):
             targets = self._targets(command, source, ())
             return targets, self._destination(command.destination, [grounded.object_id for grounded in targets])
@@ -365,8 +362,10 @@ class _IntentBuilder(Housekeeping):
         # "A knife and a knife" are two, and so are those of two wishes.
         taken = set(self.taken) if command.kind not in ("open", "close") else set()
         moved = tuple(intent.target for intent in self.intents if intent.kind is IntentKind.PLACE)
+        unclear: list[Refusal] = []
         for phrase in command.objects:
             try:
+                phrase = self.grounding.other(phrase, self.discourse.themes)
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
                 meant = self._target(command, phrase, source, rather_not, {*taken, *others})
@@ -378,7 +377,14 @@ class _IntentBuilder(Housekeeping):
             except Refusal as refusal:
                 if (command.kind == "bare" or command.verbless) and refusal.code == "unknown-object":
                     raise no_action() from None
-                raise
+                if refusal.code != "ambiguous-object":
+                    raise
+                unclear.append(refusal)
+        if unclear:
+            # "The urn and the vase" are the two that there are.
+            if len(unclear) != len(unclear[0].among) or len({refusal.among for refusal in unclear}) > 1:
+                raise unclear[0]
+            found += map(Grounded, unclear[0].among)
         return tuple({(grounded.object_id, grounded.part): grounded for grounded in found}.values())
 
     def _target(
@@ -455,10 +461,12 @@ class _IntentBuilder(Housekeeping):
     def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
-            hosts = (step.object_id for key in targets for step in self.grounding.around.supports(key))
-            phrase, there = place.phrase, place.phrase.location
-            moves = phrase.whichever and there is not None and there.direction in _INTO_OR_ONTO
-            if moves and self.grounding.nowhere(phrase):
+            hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
+            phrase, there = self.grounding.other(place.phrase, hosts), place.phrase.location
+            # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
+            any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)
+            moves = there is not None and {place.direction, there.direction} <= {*_INTO_OR_ONTO, "TO"}
+            if any_one and moves and self.grounding.nowhere(phrase):
                 grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts))
                 if self._is_item(grounded.object_id):
                     return replace(grounded, moves=True)
@@ -496,6 +504,8 @@ class _IntentBuilder(Housekeeping):
             return "inside"  # A shelf of a refrigerator is in it.
         if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
             return "ontop"
+        if destination.hollow and can.interior:
+            return "inside"  # "To the top drawer of the cabinet".
         if can.interior and can.surface:
             problem = f'"{place.preposition} {where}" can mean inside it or on top of it'
             raise Refusal("ambiguous-relation", problem, instead=both)

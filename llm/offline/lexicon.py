@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -17,7 +17,7 @@ from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner", "rooms")
-_SIGNS = ("which", "goes", "people", "foreign")
+_SIGNS = ("which", "goes", "stands", "people", "foreign")
 _COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
@@ -69,11 +69,13 @@ class Lexicon:
         descriptions: Words that may stand before a name without changing its meaning.
         which: Words that select one of several, such as "second", and that no scene can resolve.
         goes: Verbs of moving that mean going where no thing follows.
+        stands: Names of things that are verbs of putting where they begin a clause.
         people: Words for recipients to whom nothing can be handed.
         foreign: Words that indicate another language.
         units: Words that count what follows "of", such as "set" in "a set of keys".
         vessels: Words for what holds what follows "of", such as "bottle".
         anything: Words for any item, such as "object".
+        landmarks: Words for what only says where furniture stands, such as "window"; a scene may lack it.
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
         categories: Entry by key.
@@ -86,11 +88,13 @@ class Lexicon:
     descriptions: frozenset[str]
     which: frozenset[str]
     goes: frozenset[str]
+    stands: frozenset[str]
     people: frozenset[str]
     foreign: frozenset[str]
     units: frozenset[str]
     vessels: frozenset[str]
     anything: frozenset[str]
+    landmarks: frozenset[str]
     beyond: Mapping[str, str]
     usual: tuple[Usual, ...]
     categories: Mapping[str, Category]
@@ -115,6 +119,7 @@ class Lexicon:
         for table in _TERMINAL_TABLES:
             for terminal, phrases in data[table].items():
                 _claim(owner, terminal, phrases, f"[{table}] {terminal}")
+        _claim(owner, "PARTOF", _parts(data.get("parts", {})), "[parts]")
         terminals = dict(owner)
         words = {**data["ignored"], **data.get("signs", {})}
         for key in (*_DROPPED, *_SIGNS):
@@ -124,6 +129,7 @@ class Lexicon:
             terminals=terminals,
             **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
+            landmarks=frozenset(data.get("landmarks", {}).get("names", ())),
             beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
             usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
@@ -226,6 +232,12 @@ def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
             raise LexiconError(place, f"{phrase!r} is not in lower case with single blanks")
         if owner.setdefault(phrase, name) != name:
             raise LexiconError(place, f"{phrase!r} belongs to {owner[phrase]} already")
+
+
+def _parts(data: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return every "the far left corner of": the names of parts with and without an article and a word before them."""
+    whole = [f"{which} {name}".strip() for name in data.get("names", ()) for which in ("", *data.get("which", ()))]
+    return [f"{article}{part} of" for part in whole for article in ("the ", "")]
 
 
 def _category(key: str, entry: Any) -> Category:

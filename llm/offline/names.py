@@ -71,7 +71,7 @@ class Names:
         if (
             word in lexicon.descriptions
             or word in lexicon.which
-            or (lexicon.units | lexicon.vessels).intersection(forms)
+            or (lexicon.units | lexicon.vessels | lexicon.landmarks).intersection(forms)
         ):
             return True
         return any(form in self.words for form in forms)
@@ -95,24 +95,44 @@ class Names:
                 break
         return Named((), " ".join(words))
 
-    def with_one_colour(self, tokens: Sequence[TaggedWord]) -> tuple[TaggedWord, ...]:
-        """Return words in which "the yellow and blue jar" is one jar, where no colour is a name."""
+    def with_own_nouns(self, tokens: Sequence[TaggedWord]) -> tuple[TaggedWord, ...]:
+        """Return words in which "the big and small boxes" are "all big boxes and all small boxes".
+
+        "The yellow and blue jar" is one jar. A word that can name a thing, such as "orange", describes none here.
+        """
         kept = list(tokens)
         for index in range(len(kept) - 3, 0, -1):
             one, link, other, noun = kept[index - 1 : index + 3]
-            colours = all(word.text in COLORS and not self.by_name(word.text).ids for word in (one, other))
-            if link.terminal == "AND" and noun.terminal == "WORD" and colours and not singulars(noun.text):
+            if link.terminal != "AND" or noun.terminal != "WORD":
+                continue
+            if any(self.by_name(word.text).ids or self.lexicon.owners(word.text) for word in (one, other)):
+                continue
+            end = next((i for i in range(index, len(kept)) if kept[i].terminal not in ("AND", "WORD")), len(kept))
+            name, before = kept[index + 2 : end], kept[index - 2] if index > 1 else None
+            if self._is_plural(name) and {one.text, other.text} <= self.lexicon.descriptions:
+                each = [TaggedWord("ALL", "all")]
+                start = index - 1 - (before is not None and before.terminal in ("DETERMINER", "BOTH"))
+                kept[start:end] = [*each, one, *name, link, *each, other, *name]
+            elif one.text in COLORS and other.text in COLORS and not singulars(noun.text):
                 del kept[index]
         return tuple(kept)
+
+    def _is_plural(self, name: Sequence[TaggedWord]) -> bool:
+        words = tuple(word.text for word in name)
+        if not words or any(word.terminal != "WORD" for word in name) or self.described(words).ids:
+            return False
+        return any(self.described((*words[:-1], one)).ids for one in singulars(words[-1]))
 
     def compound(self, words: tuple[str, ...]) -> Named:
         """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
 
         What stands before it in "the sink counter" is taken on trust. A name of several words is one of its own: "the
-        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens.
+        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens. "The table shelf" is
+        one of the table, while a drawer of a desk can be a thing of its own.
         """
-        owners = (key for word in words[:-1] for key in self.by_name(word).ids)
-        if not all(map(self.knows, words)) or any(self.affordances[key].door for key in owners):
+        owners = [key for word in words[:-1] for key in self.by_name(word).ids]
+        a_part = words[-1] == "shelf" and any(self.scene.objects[key].role == "A" for key in owners)
+        if not all(map(self.knows, words)) or a_part or any(self.affordances[key].door for key in owners):
             return Named((), " ".join(words))
         for start in range(1, len(words)):
             named = self.described(words[start:])
@@ -179,6 +199,9 @@ class Names:
         if which:
             return self.unresolvable(phrase, which)
         wanted = " ".join(phrase.words)
+        if self.lexicon.descriptions.issuperset(phrase.words):
+            problem = f'"{wanted}" describes a thing, and no name follows it; give each of several things its name'
+            return Refusal("unknown-object", problem)
         return Refusal(
             "unknown-object",
             f'nothing in {self.scene.name} is called "{wanted}"{self.meant(wanted)}',

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
 
 import bddl
@@ -101,7 +101,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     grounding = Grounding.of(scene, lexicon, sizing)
     around = grounding.around
     words, manner = read_words(query, lexicon)
-    tokens = grounding.names.with_one_colour(words)
+    tokens = grounding.names.with_own_nouns(words)
     try:
         request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:
@@ -131,7 +131,7 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple
     strange = tuple(dict.fromkeys(" ".join(token.text for token in run) for unknown, run in runs if unknown))
     other: Refusal | None = None
     try:
-        meant = _interpreted(tokens, grounding)
+        meant = _interpreted(tokens, grounding, trusts=not strange)
     except Refusal as refusal:
         if not strange:
             raise _beyond(tokens, names, refusal) from None
@@ -154,7 +154,9 @@ def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Ref
     return refusal
 
 
-def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+def _interpreted(
+    tokens: Sequence[TaggedWord], grounding: Grounding, *, trusts: bool
+) -> tuple[Request, tuple[str, ...]]:
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
     if is_too_long(tokens):
@@ -162,7 +164,15 @@ def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Re
     readings = read(tokens)
     if not readings:
         raise _unreadable(tokens, grounding)
-    return interpret(readings, grounding)
+    try:
+        return interpret(readings, grounding)
+    except Refusal as refusal:
+        if refusal.leaves_choice or not trusts:
+            raise
+        try:
+            return interpret(readings, replace(grounding, trusts=True))
+        except Refusal:
+            raise refusal from None
 
 
 def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:

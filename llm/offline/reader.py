@@ -491,7 +491,10 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
         # "To put the glass on the table".
         del tokens[0]
     for index, (one, after) in enumerate(pairwise(tokens)):
-        if index and one.text == "to" and after.terminal == "PUT":
+        opens = index == 0 or tokens[index - 1].terminal in _ENDS
+        if opens and one.text in lexicon.stands and after.terminal in (*_BEFORE_NOUNS, "PRONOUN"):
+            tokens[index] = TaggedWord("PUT", one.text)
+        elif index and one.text == "to" and after.terminal == "PUT":
             # "Take the mug to put it on the table".
             tokens[index] = TaggedWord("THEN", "to")
         elif one.terminal in ("PUT", "TAKE") and one.text in lexicon.goes and after.terminal in _WAYS:
@@ -499,7 +502,13 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
             tokens[index] = TaggedWord("DRIVE", one.text)
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
-    return tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
+    # Without "one at a time", two commas stand side by side.
+    repeated = ("COMMA", "COMMA")
+    return tuple(
+        one
+        for one, after in pairs
+        if (one.terminal != "TOO" or after.terminal in _ENDS) and (one.terminal, after.terminal) != repeated
+    )
 
 
 # Verbs that are nouns after an article and before "of".
@@ -541,7 +550,9 @@ def _is_named(piece: str, lexicon: Lexicon) -> bool:
 
 
 def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a phrase about the room is none: "the kitchen table", "in the corner of the table"."""
+    """Decide whether a phrase about room or order is none: "the kitchen table", "at the end of the table"."""
+    if lexicon.terminals.get(phrase) == "THEN" and following == "of":
+        return True
     is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
     return is_room and (_is_named(following, lexicon) or following == "of")
 

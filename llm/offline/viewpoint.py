@@ -116,7 +116,7 @@ def referenced(ids: Sequence[str], direction: Direction, others: Sequence[str], 
         return _least(tuple(gaps), gaps.__getitem__)
 
     def fits(key: str, other: str) -> bool:
-        if direction == "NEXT":
+        if direction in ("NEXT", "AGAINST"):
             return gap_m(key, other, scene) <= NEIGHBOR_GAP_M
         if direction == "UNDER":
             return is_under(key, other, scene)

@@ -91,9 +91,9 @@ def test_words_keep_their_text_and_manner_is_kept_apart() -> None:
         ('OF = ["of"]', 'OF = ["Of"]', "'Of' is not in lower case"),
         ('OF = ["of"]', 'OF = "of"', "expected a list of phrases"),
         ('courtesy = [\n    "please",', 'courtesy = [\n    "into",', "'into' belongs to INTO already"),
-        ('names = ["jar"]', "title = 1", r"\[categories.jar\]: expected a list `names`"),
+        ('names = ["jar", "container"]', "title = 1", r"\[categories.jar\]: expected a list `names`"),
         (
-            'names = ["jar"]',
+            'names = ["jar", "container"]',
             'names = ["jar"]\nfronts = ["flap"]',
             r"\[categories.jar\]: expected `fronts` from door and",
         ),
