@@ -52,6 +52,9 @@ from oag.task_definition import required_scene
 MOST_PLANS = 3
 """How many other plans for the same goal are gone through."""
 
+MOST_EFFORT_OF_PLANS_S = 2 * MOST_EFFORT_S
+"""After so much effort no further plan is gone through: as much as one primitive and the repairs of one plan may take."""
+
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
 
@@ -111,7 +114,7 @@ class Feasibility:
         cpu_s: CPU time of the dry run.
         avoided: Joints that are not to be opened: behind them there is no place.
         known: What was found impossible, for `scene.knowing`, by which a revised plan is judged.
-        effort_s: Effort of the last plan that was gone through (`executor.system.effort`).
+        effort_s: Effort of all plans that were gone through (`executor.system.effort`).
     """
 
     task: Task
@@ -206,20 +209,22 @@ def feasible(
         return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen, most_repairs).verdict()
 
     first = found = verdict(graph)
-    known, cpu_s = first.known, first.cpu_s
+    known, cpu_s, effort_s = first.known, first.cpu_s, first.effort_s
     # A goal names no part and no spot: another plan for it would not hold to them.
     by_goal = not any(subtask.where is not None for subtask in graph.task.subtasks)
     while most_repairs and by_goal and not found and found.known and len(known) <= MOST_PLANS:
+        if effort_s > MOST_EFFORT_OF_PLANS_S:
+            break
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
         if planned.task is None:
             break
         found = verdict(compose(planned.task, scene=scene))
-        known, cpu_s = (*known, *found.known), cpu_s + found.cpu_s
+        known, cpu_s, effort_s = (*known, *found.known), cpu_s + found.cpu_s, effort_s + found.effort_s
     if not found or found is first:
-        return replace(first, known=known, cpu_s=cpu_s)
+        return replace(first, known=known, cpu_s=cpu_s, effort_s=effort_s)
     detours = (Detour(0, 0, f"another plan is taken: {first.reason}"), *found.detours)
-    return replace(found, known=known, cpu_s=cpu_s, detours=detours)
+    return replace(found, known=known, cpu_s=cpu_s, effort_s=effort_s, detours=detours)
 
 
 class DryRun:
