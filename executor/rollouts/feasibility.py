@@ -53,7 +53,7 @@ MOST_PLANS = 3
 """How many other plans for the same goal are gone through."""
 
 MOST_EFFORT_OF_PLANS_S = 2 * MOST_EFFORT_S
-"""After so much effort no further plan is gone through: as much as one primitive and the repairs of one plan may take."""
+"""After so much effort no further plan is gone through: that of one primitive and of the repairs of one plan."""
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
