@@ -334,6 +334,9 @@ class _Planning:
         state, objects = start_state(self.scene, None), self.scene.objects
         unmet_parts = [each for each in chain.from_iterable(goals) if not each.grade(state.value(each.fact))]
         own, needs = relevant(self.scene, unmet_parts) if self.scene.domain.rows else ([], [])
+        # What a given subtask starts with may have to be brought about for it to be kept.
+        starts = literals_in(subtask.init for subtask in self.task.subtasks)
+        needs += [condition_of(literal.atom, literal.value) for literal in starts]
         goals = [*goals, tuple(each for each in needs if len(each.fact) > 1 or each.fact == HAND)]
         resting = [(fact, entry.value) for fact, entry in state.entries() if len(fact) == 3 and fact[0] in RESTING]
         places: dict[str, dict[Placement, None]] = {}
@@ -358,10 +361,12 @@ class _Planning:
         parts = own
         doors = [key for key, thing in objects.items() if thing.kind is Kind.ARTICULATED]
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
-        asked |= {fact[2] for fact, value in resting if value is True and fact[1] in movable}
-        asked |= {key for key in doors for item in movable if state.value(("inside", item, key)) is None}
         asked |= {subtask.target for subtask in self.task.subtasks}
         asked |= {name for fact in self._circumstances() for name in fact[1:]}
+        # A shut door is in the way to what is taken, and to where something is put.
+        reached = asked.union(movable)
+        asked |= {fact[2] for fact, value in resting if value is True and fact[1] in reached}
+        asked |= {key for key in doors for item in reached if state.value(("inside", item, key)) is None}
         for door in doors if self.scene.domain.inherits else ():
             if door in asked:
                 parts += [opening(door), closing(door)]
@@ -395,13 +400,18 @@ class _Planning:
             wanted = {each.fact for each in goal if each.positive and each.fact[0] in RESTING}
             for condition in goal:
                 fact = condition.fact
-                if fact[0] != "inside" or condition.grade(state.value(fact)):
+                met = condition.grade(state.value(fact))
+                # What holds is lost where the thing is taken for another part of the goal.
+                if fact[0] != "inside" or (condition.positive and met and fact[1] not in unmet):
                     continue
-                for carrier in below(fact[1], resting | wanted if condition.positive else resting):
-                    if carrier in objects and objects[carrier].kind is Kind.ITEM and carrier != fact[2]:
+                for carrier in below(fact[1], resting | wanted):
+                    if carrier not in objects or objects[carrier].kind is not Kind.ITEM or carrier == fact[2]:
+                        continue
+                    if condition.positive:
                         unmet.setdefault(carrier)
-                        if condition.positive:
-                            places.setdefault(carrier, {}).setdefault(Placement("inside", fact[2]))
+                        places.setdefault(carrier, {}).setdefault(Placement("inside", fact[2]))
+                    elif state.value(("inside", carrier, fact[2])) is not False:
+                        unmet.setdefault(carrier)
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
         riders = {fact[1] for fact in resting if not unmet.keys().isdisjoint(below(fact[1], resting))}
         unmet |= dict.fromkeys(sorted(riders & asked))

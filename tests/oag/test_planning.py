@@ -173,3 +173,61 @@ def test_a_plan_moves_what_carries_a_thing(facts: tuple[str, ...], goal: str, st
     made = oag.plan(scene, goal)
     assert made.task is not None and made.report and oag.recheck(made.report.certificate)
     assert [subtask.name for subtask in made.task.subtasks] == steps
+
+
+_ON_TABLE = ("ontop cup table", "ontop mug table", "ontop pen table")
+_AWAY = "(inside cup cabinet) (inside mug cabinet) (not (open cabinet))"
+
+
+@pytest.mark.parametrize(
+    ("objects", "facts", "goal", "steps"),
+    [
+        # A shut door is in the way to where a thing goes.
+        ("refrigerator bowl egg table", ["inside bowl refrigerator", "ontop egg table"], "(inside egg bowl)", 3),
+        ("cabinet safe phone table", ["inside safe cabinet", "ontop phone table"], "(inside phone safe)", 4),
+        ("cabinet safe phone table", ["inside safe cabinet", "ontop phone table"], "(open safe)", 2),
+        # A thing leaves, or gets into, what its new place stands in.
+        (
+            "cabinet box apple table",
+            ["inside box cabinet", "ontop apple table"],
+            "(and (inside apple box) (not (inside apple cabinet)))",
+            4,
+        ),
+        (
+            "cabinet bowl plate table",
+            ["open cabinet", "inside plate cabinet", "ontop bowl table"],
+            "(and (ontop plate bowl) (inside plate cabinet))",
+            4,
+        ),
+        # The shorter of two ways: each thing is put down once, and only what has to be taken.
+        (
+            "drawer apple orange egg cup mug pen cabinet table",
+            ["inside apple drawer", "inside orange drawer", "inside egg drawer", *_ON_TABLE],
+            "(or (and (forall (?x - object) (not (inside ?x drawer))) (not (open drawer)))"
+            f" (and {_AWAY} (inside pen cabinet) (open drawer)))",
+            8,
+        ),
+        (
+            "drawer apple plate egg tray cup mug pen cabinet table",
+            ["inside plate drawer", "ontop apple plate", "inside tray drawer", "ontop egg tray", *_ON_TABLE],
+            "(or (and (ontop apple drawer) (not (inside apple drawer)) (ontop egg drawer) (not (inside egg drawer)))"
+            f" (and {_AWAY}))",
+            5,
+        ),
+    ],
+)
+def test_a_plan_is_shortest_with_things_in_things(objects: str, facts: Sequence[str], goal: str, steps: int) -> None:
+    scene = oag.scene({name: name for name in objects.split()}, [f"({fact})" for fact in facts], "all")
+    made = oag.plan(scene, goal)
+    assert made.task is not None and made.report and oag.recheck(made.report.certificate, scene=scene), made.refusal
+    assert len(made.task.subtasks) == steps
+
+
+def test_a_thing_is_put_back_to_where_the_kept_plan_takes_it_from() -> None:
+    objects = {"drawer_0": "drawer", "cabinet_0": "cabinet", "apple_0": "apple", "bowl_0": "bowl", "table_0": "table"}
+    scene = oag.scene(objects, ["(inside apple_0 bowl_0)", "(ontop bowl_0 table_0)"], "all")
+    steps = [oag.open("drawer_0"), oag.pick("apple_0"), oag.place("apple_0", inside="drawer_0")]
+    task = oag.task(scene, goal="(inside apple_0 drawer_0)", steps=steps)
+    made = oag.repair(task, ["(inside apple_0 gripper)", "(ontop bowl_0 table_0)"])
+    assert made.task is not None and made.edits == 1
+    assert [subtask.goal for subtask in made.task.subtasks[1:]] == [subtask.goal for subtask in task.subtasks]
