@@ -6,7 +6,9 @@ of it, and a hand that has to be free for it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from math import ceil
 
 from oag.model.symbols import HAND, Condition, Fact, held_by
 from oag.primitives.cargo import RESTING
@@ -19,11 +21,14 @@ class Estimate:
 
     Args:
         goals: Literals of each way.
-        context: What can be open, and who may carry whom.
+        context: What can be open, and who may carry whom; None where nothing can be done.
+        written: The most facts of a predicate that one primitive of an own domain writes.
     """
 
-    def __init__(self, goals: Sequence[tuple[Condition, ...]], context: Context | None = None) -> None:
-        self._goals = goals
+    def __init__(
+        self, goals: Sequence[tuple[Condition, ...]], context: Context | None, written: Mapping[str, float]
+    ) -> None:
+        self._goals, self._written = goals, written
         self._articulated = () if context is None else context.articulated
         self._carriers: dict[str, list[Fact]] = {}
         if context is not None:
@@ -55,11 +60,16 @@ class Estimate:
         doors = len(moved) + sum(1 + (door in closed) for door in shut - moved)
         picks = sum(item != held for item in put)
         total = doors + picks + sum(put.values()) + redo + put_down + max(0, left_in_hand - 1)
-        if held is not None and held not in put and total:
+        others = self._others(unmet)
+        # A primitive of an own domain may put down what is held.
+        if held is not None and held not in put and total and not others:
             total += 1
-        # What no conditions above are about is done by primitives of an own domain, and perhaps by one of them.
-        others = any(len(fact) > 1 and fact[0] != "open" and fact[0] not in RESTING for fact, _, _ in unmet)
-        return max(total, others)
+        return total + others
+
+    def _others(self, unmet: Sequence[Condition]) -> int:
+        """Return how many primitives of an own domain are needed at least for what the 21 do not change."""
+        counts = Counter(fact[0] for fact, _, _ in unmet if fact != HAND and fact[0] not in ("open", *RESTING))
+        return max((max(1, ceil(n / self._written.get(key, 1))) for key, n in counts.items()), default=0)
 
     def _put(self, state: View, unmet: Sequence[Condition]) -> tuple[dict[str, bool], set[str], int]:
         """Return what has to be taken, and whether to be put; the shut doors of its places; what a full hand adds."""

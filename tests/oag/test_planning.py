@@ -99,6 +99,8 @@ def test_from_every_moment_of_a_plan_its_rest_is_left(name: str) -> None:
         ("T1", "(ontop table_0 refrigerator_0)", "impossible", "table_0 is furniture"),
         ("T1", "(exists (?g - water_glass) (nextto ?g table_0))", "impossible", "no primitive changes nextto"),
         ("T1", "(open table_0)", "impossible", "no articulated fixture"),
+        ("T1", "(open gripper)", "impossible", "no object of the scene"),
+        ("T1", "(ontop gripper table_0)", "impossible", "no object of the scene"),
         ("T1", "(and (open refrigerator_0) (not (open refrigerator_0)))", "impossible", "open refrigerator_0"),
         ("05", "(exists (?p - plate) (inside ?p fridge_0))", "impossible", "plate_0 would be scaled"),
         ("03", "(and (inside bear_0 gripper) (inside book_0 gripper))", "impossible", ""),
@@ -114,10 +116,30 @@ def test_what_cannot_be_is_refused_with_the_reason(name: str, goal: str, code: s
     assert code in repr(made)
 
 
-@pytest.mark.parametrize("goal", ["(inside glass_9 refrigerator_0)", "(inside glass_0)", "(open refrigerator_0"])
-def test_a_goal_that_cannot_be_read_is_misuse(goal: str) -> None:
-    with pytest.raises(oag.TaskError):
+@pytest.mark.parametrize(
+    ("goal", "hint"),
+    [
+        ("(inside glass_9 refrigerator_0)", "did you mean glass_0?"),
+        ("(insde glass_0 refrigerator_0)", "write (inside glass_0 refrigerator_0)"),
+        ("(inside glass_0)", "write (inside "),
+        ("(open refrigerator_0", "write (open refrigerator_0)"),
+    ],
+)
+def test_a_goal_that_cannot_be_read_is_misuse_with_what_can(goal: str, hint: str) -> None:
+    with pytest.raises(oag.TaskError) as raised:
         oag.plan(scene_named("T1"), goal)
+    assert hint in str(raised.value)
+
+
+def test_what_is_denied_of_the_hand_holds_already() -> None:
+    made = oag.plan(scene_named("T1"), "(not (open gripper))")
+    assert made.task is not None and not made.task.subtasks
+
+
+@pytest.mark.parametrize("state", ["(ontop glass_0 table_0)", None, 3])
+def test_a_state_is_a_list_of_facts(state: Any) -> None:
+    with pytest.raises(oag.SceneError, match="expected a list of facts"):
+        oag.repair(task_named("T1"), state)
 
 
 def test_an_open_world_is_planned_for_as_far_as_a_plan_can_be_proved() -> None:
