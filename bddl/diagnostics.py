@@ -200,6 +200,11 @@ class BDDLError(Scene2DemoError, ValueError):
         """The first three messages, for an error of one line."""
         return "; ".join(found.message for found in self.diagnostics[:3])
 
+    @property
+    def first_hint(self) -> str:
+        """The hint of the first message; empty without one."""
+        return next((found.hint for found in self.diagnostics), "")
+
     def __str__(self) -> str:
         shown = "\n".join(str(diagnostic) for diagnostic in self.diagnostics)
         count = len(self.diagnostics)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import bddl
 from oag.acting import read_own_subtask
@@ -23,7 +23,7 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief, expected, shown
 from oag.model.diagnostics import SceneError, TaskError
 from oag.model.domain import BUILT_IN, Domain
-from oag.model.reading import flow_of, formula_of
+from oag.model.reading import facts_of, flow_of, formula_of
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject, id_problem
 from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.cargo import RESTING
@@ -73,10 +73,8 @@ def scene(
             raise SceneError(problem, source=_ARGUMENT, place="closed")
         closed = domain.predicates
     things = {key: _object(key, given, domain) for key, given in objects.items()}
-    # A scene reads the texts of its facts.
-    stated: Any = tuple(facts)
     pose = RobotPose() if robot is None else robot
-    return Scene(name, pose, things, stated, frozenset(closed), domain=domain)
+    return Scene(name, pose, things, facts_of(facts), frozenset(closed), domain=domain)
 
 
 def _object(key: str, given: object, domain: Domain) -> SceneObject:

@@ -15,19 +15,20 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from heapq import heappop, heappush
 from itertools import chain, count, islice
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import bddl
-from oag.acting import relevant
+from oag.acting import own_subtasks, relevant
 from oag.compilation import CompiledSubtask, compile_plan, facts_read, literals_in
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
 from oag.model.diagnostics import TaskError
-from oag.model.domain import own_of
-from oag.model.reading import formula_of
+from oag.model.domain import bound, own_of
+from oag.model.reading import facts_of, formula_of
 from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import (
     GRIPPER,
@@ -36,9 +37,11 @@ from oag.model.symbols import (
     Fact,
     Kind,
     Primitive,
+    Value,
     condition_of,
     fact_text,
     held_by,
+    overlap,
 )
 from oag.planning_estimate import Estimate
 from oag.primitives.cargo import RESTING, below
@@ -179,8 +182,7 @@ def repair(task: Task, state: Scene | Iterable[bddl.Formula | str], *, sizing: S
         MissingScene: Facts are given, and the task carries no scene.
         TaskError, SceneError: The task or the facts do not fit the scene.
     """
-    # A scene reads the texts of its facts.
-    facts: Any = () if isinstance(state, Scene) else tuple(state)
+    facts = () if isinstance(state, Scene) else facts_of(state)
     scene = state if isinstance(state, Scene) else replace(chosen_scene(task, None), facts=facts)
     given = complete(task, scene if task.scene is None else task.scene).task
     return _Planning(replace(given, scene=scene), scene, sizing).run()
@@ -266,7 +268,7 @@ class _Planning:
         for _ in range(_MOST_REJECTED):
             allowed = [operator for operator in operators if _key(operator.subtask) not in banned]
             kept = [operator if _key(operator.subtask) not in banned else None for operator in given]
-            estimate = Estimate(goals, compiled[0].context) if compiled else Estimate(goals)
+            estimate = Estimate(goals, compiled[0].context if compiled else None, self.scene.domain.written)
             found, complete_search = self._search(origin, allowed, kept, estimate)
             if found is None:
                 return self._refused(self._why_none(complete_search, report, goals, origin), report)
@@ -307,21 +309,30 @@ class _Planning:
         with suppress(bddl.SearchLimit):
             yield from islice(bddl.options(goal, self.objects, start), most)
 
+    @cached_property
+    def _own_writes(self) -> frozenset[tuple[Fact, Value]]:
+        """What the primitives of the scene's own domain write, with every choice of objects."""
+        subtasks = own_subtasks(self.scene) if self.scene.domain.rows else ()
+        return frozenset(chain.from_iterable(bound(own, s.target, s.support_goal).writes for s, own in subtasks))
+
     def _unmet_hopeless(self, option: Iterable[bddl.Literal], start: dict[bddl.Atom, bool]) -> Iterator[bddl.Literal]:
         return (each for each in option if start.get(each.atom) is not each.value and self._hopeless(each))
 
     def _hopeless(self, literal: bddl.Literal) -> str:
         """Return why no primitive can make a literal hold that does not hold at the start; "" where one may."""
         predicate, *names = literal.atom.label
-        objects = self.scene.objects
-        if predicate in self.scene.domain.written:
+        objects, written = self.scene.objects, condition_of(literal.atom, literal.value)
+        if any(written.grade(value) for fact, value in self._own_writes if overlap(fact, written.fact)):
             return ""
+        if predicate not in ("open", *RESTING):
+            is_written = predicate in self.scene.domain.written
+            return "no primitive brings it about" if is_written else f"no primitive changes {predicate}"
+        if names[0] not in objects:
+            return f"{names[0]} is no object of the scene"
         if predicate == "open":
             return "" if objects[names[0]].kind is Kind.ARTICULATED else f"{names[0]} has no joint"
-        if predicate not in RESTING:
-            return f"no primitive changes {predicate}"
         item, place = names
-        if item not in objects or objects[item].kind is not Kind.ITEM:
+        if objects[item].kind is not Kind.ITEM:
             return f"{item} is furniture, which the robot does not move"
         if item in self.unfit:
             return f"{item} {self.unfit[item]}"
@@ -334,6 +345,9 @@ class _Planning:
         state, objects = start_state(self.scene, None), self.scene.objects
         unmet_parts = [each for each in chain.from_iterable(goals) if not each.grade(state.value(each.fact))]
         own, needs = relevant(self.scene, unmet_parts) if self.scene.domain.rows else ([], [])
+        # What a given subtask starts with may have to be brought about for it to be kept.
+        starts = literals_in(subtask.init for subtask in self.task.subtasks)
+        needs += [condition_of(literal.atom, literal.value) for literal in starts]
         goals = [*goals, tuple(each for each in needs if len(each.fact) > 1 or each.fact == HAND)]
         resting = [(fact, entry.value) for fact, entry in state.entries() if len(fact) == 3 and fact[0] in RESTING]
         places: dict[str, dict[Placement, None]] = {}
@@ -358,10 +372,12 @@ class _Planning:
         parts = own
         doors = [key for key, thing in objects.items() if thing.kind is Kind.ARTICULATED]
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
-        asked |= {fact[2] for fact, value in resting if value is True and fact[1] in movable}
-        asked |= {key for key in doors for item in movable if state.value(("inside", item, key)) is None}
         asked |= {subtask.target for subtask in self.task.subtasks}
         asked |= {name for fact in self._circumstances() for name in fact[1:]}
+        # A shut door is in the way to what is taken, and to where something is put.
+        reached = asked.union(movable)
+        asked |= {fact[2] for fact, value in resting if value is True and fact[1] in reached}
+        asked |= {key for key in doors for item in reached if state.value(("inside", item, key)) is None}
         for door in doors if self.scene.domain.inherits else ():
             if door in asked:
                 parts += [opening(door), closing(door)]
@@ -395,13 +411,18 @@ class _Planning:
             wanted = {each.fact for each in goal if each.positive and each.fact[0] in RESTING}
             for condition in goal:
                 fact = condition.fact
-                if fact[0] != "inside" or condition.grade(state.value(fact)):
+                met = condition.grade(state.value(fact))
+                # What holds is lost where the thing is taken for another part of the goal.
+                if fact[0] != "inside" or (condition.positive and met and fact[1] not in unmet):
                     continue
-                for carrier in below(fact[1], resting | wanted if condition.positive else resting):
-                    if carrier in objects and objects[carrier].kind is Kind.ITEM and carrier != fact[2]:
+                for carrier in below(fact[1], resting | wanted):
+                    if carrier not in objects or objects[carrier].kind is not Kind.ITEM or carrier == fact[2]:
+                        continue
+                    if condition.positive:
                         unmet.setdefault(carrier)
-                        if condition.positive:
-                            places.setdefault(carrier, {}).setdefault(Placement("inside", fact[2]))
+                        places.setdefault(carrier, {}).setdefault(Placement("inside", fact[2]))
+                    elif state.value(("inside", carrier, fact[2])) is not False:
+                        unmet.setdefault(carrier)
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
         riders = {fact[1] for fact in resting if not unmet.keys().isdisjoint(below(fact[1], resting))}
         unmet |= dict.fromkeys(sorted(riders & asked))
@@ -519,7 +540,9 @@ class _Planning:
                 "unknown", f"the scene does not say whether {named}; add facts, or close predicates", literals
             )
         if complete_search:
-            reason = f"no order of opening, closing, picking up and putting reaches {', '.join(literals)} together"
+            means = ", ".join(("opening", "closing", "picking up", *self.scene.domain.rows))
+            together = " together" if len(literals) > 1 else ""
+            reason = f"no order of {means} and putting reaches {', '.join(literals)}{together}"
             return NoPlan("no-plan", reason, literals)
         return NoPlan(
             "too-large", f"{self.states} states were searched for {', '.join(literals)}, and more are left", literals

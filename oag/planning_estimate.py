@@ -6,7 +6,9 @@ of it, and a hand that has to be free for it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from math import ceil
 
 from oag.model.symbols import HAND, Condition, Fact, held_by
 from oag.primitives.cargo import RESTING
@@ -19,11 +21,14 @@ class Estimate:
 
     Args:
         goals: Literals of each way.
-        context: What can be open, and who may carry whom.
+        context: What can be open, and who may carry whom; None where nothing can be done.
+        written: The most facts of a predicate that one primitive of an own domain writes.
     """
 
-    def __init__(self, goals: Sequence[tuple[Condition, ...]], context: Context | None = None) -> None:
-        self._goals = goals
+    def __init__(
+        self, goals: Sequence[tuple[Condition, ...]], context: Context | None, written: Mapping[str, float]
+    ) -> None:
+        self._goals, self._written = goals, written
         self._articulated = () if context is None else context.articulated
         self._carriers: dict[str, list[Fact]] = {}
         if context is not None:
@@ -37,57 +42,60 @@ class Estimate:
 
     def _subtasks(self, state: View, goal: tuple[Condition, ...]) -> int:
         held = held_by(state.hand)
-        moved: dict[str, bool] = {}
-        put: dict[str, int] = {}
-        ends: dict[str, bool] = {}
-        behind: set[str] = set()
-        redo = others = 0
-        for condition in goal:
-            fact, value, positive = condition
-            if fact[0] == "open":
-                ends[fact[1]] = positive is value
-            if condition.grade(state.value(fact)) is True:
-                continue
-            if fact[0] == "open":
-                moved[fact[1]] = True
-            elif fact == HAND:
-                item = held_by(value)
-                if item is not None:
-                    put.setdefault(item, 0)
-                    put[item] += not positive
-            elif fact[0] in RESTING:
-                # Being inside something may come from what carries a thing, and go with it.
-                item = self._carrier(state, fact[1]) if fact[0] == "inside" else fact[1]
-                put.setdefault(item, 0)
-                if positive:
-                    # One release brings a thing into all that its place is in.
-                    put[item] = max(1, put[item])
-                    if fact[0] == "inside" and fact[2] in self._articulated:
-                        behind.add(fact[2])
-                        # The hand has to put down what it holds, open the door, and pick it up again.
-                        redo = 2 if item == held and self._shut(state, (fact[2],)) else redo
-            else:
-                # By a primitive of an own domain.
-                others += 1
-        shut = self._shut(state, behind)
-        left_in_hand = 0
-        taken_from: set[str] = set()
-        for item, places in put.items():
+        unmet = [each for each in goal if each.grade(state.value(each.fact)) is not True]
+        put, shut, redo = self._put(state, unmet)
+        moved = {fact[1] for fact, _, _ in unmet if fact[0] == "open"}
+        closed = {fact[1] for fact, value, positive in goal if fact[0] == "open" and positive is not value}
+        left_in_hand = put_down = 0
+        for item, is_placed in put.items():
             if item == held:
                 continue
             sources = [f for f in self._articulated if state.value(("inside", item, f)) is True]
-            taken_from.update(sources)
-            if not places:
-                left_in_hand += 1
-                # The door is to be closed with a free hand.
-                left_in_hand += any(ends.get(source) is False for source in sources)
-        shut |= self._shut(state, taken_from)
-        doors = sum(1 + (ends.get(door) is False) for door in shut if door not in moved) + len(moved)
+            shut |= self._shut(state, sources)
+            if not is_placed:
+                # A door is to be closed with a free hand.
+                to_close = not closed.isdisjoint(sources)
+                put_down += to_close
+                left_in_hand += not to_close
+        doors = len(moved) + sum(1 + (door in closed) for door in shut - moved)
         picks = sum(item != held for item in put)
-        total = doors + picks + sum(put.values()) + redo + others + max(0, left_in_hand - 1)
-        if held is not None and held not in put and total:
+        total = doors + picks + sum(put.values()) + redo + put_down + max(0, left_in_hand - 1)
+        others = self._others(unmet)
+        # A primitive of an own domain may put down what is held.
+        if held is not None and held not in put and total and not others:
             total += 1
-        return total
+        return total + others
+
+    def _others(self, unmet: Sequence[Condition]) -> int:
+        """Return how many primitives of an own domain are needed at least for what the 21 do not change."""
+        counts = Counter(fact[0] for fact, _, _ in unmet if fact != HAND and fact[0] not in ("open", *RESTING))
+        return max((max(1, ceil(n / self._written.get(key, 1))) for key, n in counts.items()), default=0)
+
+    def _put(self, state: View, unmet: Sequence[Condition]) -> tuple[dict[str, bool], set[str], int]:
+        """Return what has to be taken, and whether to be put; the shut doors of its places; what a full hand adds."""
+        # What leaves a place, or gets into one, by its carrier need not be taken itself.
+        own = {held_by(value) if fact == HAND else fact[1] for fact, value, _ in unmet if fact[0] in ("hand", "ontop")}
+        put: dict[str, bool] = {}
+        behind: set[str] = set()
+        redo = 0
+        for fact, value, positive in unmet:
+            item = held_by(value) if fact == HAND else fact[1] if fact[0] in RESTING else None
+            if item is None:
+                continue
+            if fact == HAND:
+                # Not to hold it is to put it.
+                put[item] = put.get(item, False) or not positive
+                continue
+            if fact[0] == "inside" and item not in own:
+                item = self._carrier(state, item)
+            # One release brings a thing into all that its place is in.
+            put[item] = put.get(item, False) or positive
+            if positive and fact[0] == "inside" and fact[2] in self._articulated:
+                shut = self._shut(state, (fact[2],))
+                behind |= shut
+                # The hand has to put down what it holds, open the door, and pick it up again.
+                redo = 2 if shut and item == held_by(state.hand) else redo
+        return put, behind, redo
 
     def _carrier(self, state: View, name: str) -> str:
         """Return the lowest thing that carries one, or the thing itself."""

@@ -323,6 +323,9 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
     """Decide whether an atom is impossible for a kind: `open` without a joint, or `inside` what has no inside."""
     if atom.predicate == "open":
         thing = scene.objects.get(atom.args[0])
+        if atom.args[0] in (GRIPPER, ROBOT):
+            message = f"{atom.args[0]} cannot be open: it is no object of the scene"
+            return KindProblem(message, _openable(scene), ("kind", atom.args[0]))
         if thing is not None and thing.kind is not Kind.ARTICULATED:
             message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
             return KindProblem(message, _openable(scene), ("kind", thing.id))

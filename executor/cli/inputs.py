@@ -7,6 +7,7 @@ from pathlib import Path
 from executor.cli.errors import BadOption, check
 from executor.cli.output import tell_notes
 from executor.scenes.file import load_with_notes
+from executor.scenes.library import load_in_words
 from oag import Scene, Task, TaskError
 from oag.model.codec import load
 from oag.model.domain import BUILT_IN, Domain
@@ -26,15 +27,22 @@ def domain_in(path: Path | None) -> Domain:
     return BUILT_IN if path is None else Domain.from_toml(path)
 
 
-def task_and_scene(task_path: Path, scene: str | None, domain: Domain = BUILT_IN) -> tuple[Task, Scene]:
+def task_and_scene(
+    task_path: Path, scene: str | None, domain: Domain = BUILT_IN, *, is_built: bool = True
+) -> tuple[Task, Scene]:
     """Return a task file's task and its scene, both in a domain.
 
     Args:
         task_path: The task's file.
         scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` in the task's folder.
+        is_built: Whether the scene needs geometry; else one of categories and facts alone is taken as it is.
     """
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
-    found = load_with_notes(scene if scene is not None else _default_scene(task_path), domain)
+    source = scene if scene is not None else _default_scene(task_path)
+    in_words = None if is_built else load_in_words(source, domain)
+    if in_words is not None:
+        return Task.from_json(task_path, scene=in_words), in_words
+    found = load_with_notes(source, domain)
     tell_notes(found.notes)
     return Task.from_json(task_path, scene=found.scene), found.scene
 

@@ -83,6 +83,22 @@ def load_own(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene:
     return Scene.from_json(path, domain)
 
 
+def load_in_words(name_or_path: str | Path, domain: Domain = BUILT_IN) -> Scene | None:
+    """Return the scene of a file of categories and facts alone, as `oag.scene` writes it; None for any other.
+
+    Nothing of it can be built, and plans are proved for it as it is.
+    """
+    path = file_of(name_or_path)
+    if path is None or not path.is_file():
+        return None
+    data = load_json(path, SceneError).data
+    objects = data.get("objects") if isinstance(data, dict) and "closed" in data else None
+    in_words = isinstance(objects, dict) and all(
+        isinstance(one, dict) and [*one] == ["category"] for one in objects.values()
+    )
+    return Scene.from_json(path, domain) if in_words and objects else None
+
+
 def described_in(scene: Scene, domain: Domain) -> Scene:
     """Return a scene in another domain, with what its facts say in the predicates that this domain has, too."""
     facts = [fact for fact in scene.facts if all(has_predicate(domain, atom.predicate) for atom in bddl.atoms(fact))]

@@ -292,7 +292,8 @@ class Domain:
         try:
             data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-            raise DomainError(f"cannot be read: {problem}", source=str(path)) from problem
+            why = problem.strerror if isinstance(problem, OSError) else problem
+            raise DomainError(f"cannot be read: {why}", source=str(path)) from problem
         except RecursionError:
             raise DomainError("is nested too deeply", source=str(path)) from None
         return cls.from_json(data, str(path))
@@ -417,9 +418,16 @@ class Domain:
         return None
 
     @cached_property
-    def written(self) -> frozenset[str]:
-        """The predicates that its own primitives write."""
-        return frozenset(literal.atom.predicate for row in self.rows.values() for literal in row.writes)
+    def written(self) -> Mapping[str, float]:
+        """The predicates that its own primitives write, with the most facts of each that one of them writes."""
+        most: dict[str, float] = {}
+        for row in self.rows.values():
+            counts: dict[str, float] = {}
+            for literal in row.writes:
+                predicate = literal.atom.predicate
+                counts[predicate] = counts.get(predicate, 0) + (math.inf if ANY_WORD in literal.atom.args else 1)
+            most = {key: max(most.get(key, 0), counts.get(key, 0)) for key in (*most, *counts)}
+        return most
 
     def arguments(
         self, row: Row, things: Mapping[str, tuple[str, Kind]]

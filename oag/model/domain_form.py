@@ -184,7 +184,7 @@ class Reading:
         try:
             formula = bddl.parse_formula(self._word(text, place).replace("?", ""), self._profile)
         except bddl.BDDLError as problem:
-            raise self._fail(problem.first_messages, place) from problem
+            raise self._fail(problem.first_messages, place, problem.first_hint) from problem
         if bddl.literals(formula) is None or isinstance(formula, bddl.And):
             parts = formula.parts if isinstance(formula, bddl.Or) else ()
             if not parts or any(isinstance(part, bddl.And) or bddl.literals(part) is None for part in parts):

@@ -5,10 +5,13 @@ Of a file, what is wrong is kept as diagnostics, with what could be read. Built 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import bddl
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
-from oag.model.codec import shown
-from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, TaskError
+from oag.model.codec import expected, shown
+from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, SceneError, TaskError
 from oag.model.domain import BUILT_IN, Domain
 from oag.model.where import Where
 
@@ -46,7 +49,14 @@ def formula_of(given: object, place: str, domain: Domain = BUILT_IN) -> bddl.For
     try:
         return domain.formula(given)
     except bddl.BDDLError as problem:
-        raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
+        raise TaskError(problem.first_messages, source="(argument)", place=place, hint=problem.first_hint) from problem
+
+
+def facts_of(given: object) -> tuple[Any, ...]:
+    """Return the facts of a scene that is built in memory; the scene reads those that are texts."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise SceneError(expected("a list of facts", given), source="(argument)", place="facts")
+    return tuple(given)
 
 
 def where_of(given: object) -> Where:

@@ -334,7 +334,7 @@ def read_facts(
             try:
                 formula = domain.formula(text)
             except bddl.BDDLError as problem:
-                raise refused(problem.first_messages) from problem
+                raise refused(problem.first_messages, hint=problem.first_hint) from problem
         else:
             raise refused(expected("a string", text))
         literals = bddl.literals(formula)

@@ -428,3 +428,16 @@ def test_what_the_exported_actions_reach_is_proved(choices: list[int]) -> None:
     reached = replace(exported, goal=bddl.parse_formula(f"(and {' '.join(told + denied)})"))
     report = oag.compose(reached.task(plan)).verify()
     assert report, f"{plan}\n{report}"
+
+
+def test_a_plan_counts_what_a_row_writes_once_and_what_no_choice_of_objects_writes_is_refused() -> None:
+    data: Any = NEXT_TO.to_json()
+    # Pushing would do it in one.
+    data["primitives"] = {"PLACE_NEXT_TO": data["primitives"]["PLACE_NEXT_TO"]}
+    facts = ("(ontop cup_0 table_0)", "(ontop apple_0 table_0)")
+    here = replace(kitchen(oag.Domain.from_json(data)), facts=tuple(map(bddl.parse_formula, facts)))
+    longer, shorter = "(open drawer_0) (ontop apple_0 drawer_0)", "(nextto apple_0 cup_0) (nextto cup_0 apple_0)"
+    planned = oag.plan(here, f"(or (and {longer}) (and {shorter}))")
+    assert planned.task is not None and len(planned.task.subtasks) == 2
+    refused = oag.plan(here, "(nextto table_0 drawer_0)").refusal
+    assert refused is not None and refused.code == "impossible" and "no primitive brings it about" in refused.problem

@@ -99,6 +99,8 @@ def test_from_every_moment_of_a_plan_its_rest_is_left(name: str) -> None:
         ("T1", "(ontop table_0 refrigerator_0)", "impossible", "table_0 is furniture"),
         ("T1", "(exists (?g - water_glass) (nextto ?g table_0))", "impossible", "no primitive changes nextto"),
         ("T1", "(open table_0)", "impossible", "no articulated fixture"),
+        ("T1", "(open gripper)", "impossible", "no object of the scene"),
+        ("T1", "(ontop gripper table_0)", "impossible", "no object of the scene"),
         ("T1", "(and (open refrigerator_0) (not (open refrigerator_0)))", "impossible", "open refrigerator_0"),
         ("05", "(exists (?p - plate) (inside ?p fridge_0))", "impossible", "plate_0 would be scaled"),
         ("03", "(and (inside bear_0 gripper) (inside book_0 gripper))", "impossible", ""),
@@ -114,10 +116,30 @@ def test_what_cannot_be_is_refused_with_the_reason(name: str, goal: str, code: s
     assert code in repr(made)
 
 
-@pytest.mark.parametrize("goal", ["(inside glass_9 refrigerator_0)", "(inside glass_0)", "(open refrigerator_0"])
-def test_a_goal_that_cannot_be_read_is_misuse(goal: str) -> None:
-    with pytest.raises(oag.TaskError):
+@pytest.mark.parametrize(
+    ("goal", "hint"),
+    [
+        ("(inside glass_9 refrigerator_0)", "did you mean glass_0?"),
+        ("(insde glass_0 refrigerator_0)", "write (inside glass_0 refrigerator_0)"),
+        ("(inside glass_0)", "write (inside "),
+        ("(open refrigerator_0", "write (open refrigerator_0)"),
+    ],
+)
+def test_a_goal_that_cannot_be_read_is_misuse_with_what_can(goal: str, hint: str) -> None:
+    with pytest.raises(oag.TaskError) as raised:
         oag.plan(scene_named("T1"), goal)
+    assert hint in str(raised.value)
+
+
+def test_what_is_denied_of_the_hand_holds_already() -> None:
+    made = oag.plan(scene_named("T1"), "(not (open gripper))")
+    assert made.task is not None and not made.task.subtasks
+
+
+@pytest.mark.parametrize("state", ["(ontop glass_0 table_0)", None, 3])
+def test_a_state_is_a_list_of_facts(state: Any) -> None:
+    with pytest.raises(oag.SceneError, match="expected a list of facts"):
+        oag.repair(task_named("T1"), state)
 
 
 def test_an_open_world_is_planned_for_as_far_as_a_plan_can_be_proved() -> None:
@@ -173,3 +195,61 @@ def test_a_plan_moves_what_carries_a_thing(facts: tuple[str, ...], goal: str, st
     made = oag.plan(scene, goal)
     assert made.task is not None and made.report and oag.recheck(made.report.certificate)
     assert [subtask.name for subtask in made.task.subtasks] == steps
+
+
+_ON_TABLE = ("ontop cup table", "ontop mug table", "ontop pen table")
+_AWAY = "(inside cup cabinet) (inside mug cabinet) (not (open cabinet))"
+
+
+@pytest.mark.parametrize(
+    ("objects", "facts", "goal", "steps"),
+    [
+        # A shut door is in the way to where a thing goes.
+        ("refrigerator bowl egg table", ["inside bowl refrigerator", "ontop egg table"], "(inside egg bowl)", 3),
+        ("cabinet safe phone table", ["inside safe cabinet", "ontop phone table"], "(inside phone safe)", 4),
+        ("cabinet safe phone table", ["inside safe cabinet", "ontop phone table"], "(open safe)", 2),
+        # A thing leaves, or gets into, what its new place stands in.
+        (
+            "cabinet box apple table",
+            ["inside box cabinet", "ontop apple table"],
+            "(and (inside apple box) (not (inside apple cabinet)))",
+            4,
+        ),
+        (
+            "cabinet bowl plate table",
+            ["open cabinet", "inside plate cabinet", "ontop bowl table"],
+            "(and (ontop plate bowl) (inside plate cabinet))",
+            4,
+        ),
+        # The shorter of two ways: each thing is put down once, and only what has to be taken.
+        (
+            "drawer apple orange egg cup mug pen cabinet table",
+            ["inside apple drawer", "inside orange drawer", "inside egg drawer", *_ON_TABLE],
+            "(or (and (forall (?x - object) (not (inside ?x drawer))) (not (open drawer)))"
+            f" (and {_AWAY} (inside pen cabinet) (open drawer)))",
+            8,
+        ),
+        (
+            "drawer apple plate egg tray cup mug pen cabinet table",
+            ["inside plate drawer", "ontop apple plate", "inside tray drawer", "ontop egg tray", *_ON_TABLE],
+            "(or (and (ontop apple drawer) (not (inside apple drawer)) (ontop egg drawer) (not (inside egg drawer)))"
+            f" (and {_AWAY}))",
+            5,
+        ),
+    ],
+)
+def test_a_plan_is_shortest_with_things_in_things(objects: str, facts: Sequence[str], goal: str, steps: int) -> None:
+    scene = oag.scene({name: name for name in objects.split()}, [f"({fact})" for fact in facts], "all")
+    made = oag.plan(scene, goal)
+    assert made.task is not None and made.report and oag.recheck(made.report.certificate, scene=scene), made.refusal
+    assert len(made.task.subtasks) == steps
+
+
+def test_a_thing_is_put_back_to_where_the_kept_plan_takes_it_from() -> None:
+    objects = {"drawer_0": "drawer", "cabinet_0": "cabinet", "apple_0": "apple", "bowl_0": "bowl", "table_0": "table"}
+    scene = oag.scene(objects, ["(inside apple_0 bowl_0)", "(ontop bowl_0 table_0)"], "all")
+    steps = [oag.open("drawer_0"), oag.pick("apple_0"), oag.place("apple_0", inside="drawer_0")]
+    task = oag.task(scene, goal="(inside apple_0 drawer_0)", steps=steps)
+    made = oag.repair(task, ["(inside apple_0 gripper)", "(ontop bowl_0 table_0)"])
+    assert made.task is not None and made.edits == 1
+    assert [subtask.goal for subtask in made.task.subtasks[1:]] == [subtask.goal for subtask in task.subtasks]

@@ -37,7 +37,7 @@ def execute(options: Options) -> int:
     from oag.graph import to_dot, to_drawing, to_graphml, to_mermaid
 
     form = _format(options)
-    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain))
+    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain), is_built=False)
     graph = compose(task, scene=scene)
     if form == "json":
         written = json_text(to_drawing(graph)) + "\n"

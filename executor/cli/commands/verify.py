@@ -47,7 +47,7 @@ def execute(options: Options) -> int:
     for name, path in (("--out", options.out), ("--certificate", options.certificate)):
         if path is not None:
             refuse_existing(path, force=options.force, option=name)
-    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain))
+    task, scene = task_and_scene(options.task, options.scene, domain_in(options.domain), is_built=False)
     report = compose(task, scene=scene).verify()
     if report.trace is not None:
         # Sentences of a malformed task are compared with nothing.

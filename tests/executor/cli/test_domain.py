@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import oag
 from executor.cli import app
 
 DOMAIN = """
@@ -126,3 +127,20 @@ def test_a_scene_is_written_whole_and_drawn_as_a_graph_in_its_domain(
     assert app.run(["graph", "task.json", *domain, "--format", "mermaid"]) == 0
     assert "LIGHT" in capsys.readouterr().out
     assert app.run(["scenes", *domain]) == 2
+
+
+def test_a_scene_in_words_is_verified_drawn_and_rechecked_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # The library has no towel, and nothing has a place.
+    here = oag.scene({"shelf_0": "shelf", "towel_0": "towel"}, ["(ontop towel_0 shelf_0)"], "all")
+    task = oag.task(here, steps=[oag.pick("towel_0")])
+    for name, one in (("scene", here), ("task", task)):
+        Path(f"{name}.json").write_text(json.dumps(one.to_json()), encoding="utf-8")
+    assert app.run(["verify", "task.json", "--certificate", "certificate.json"]) == 0
+    assert app.run(["recheck", "certificate.json", "--task", "task.json", "--scene", "scene.json"]) == 0
+    assert app.run(["graph", "task.json"]) == 0
+    # What moves needs places.
+    assert app.run(["plan", "--scene", "scene.json", "--goal", "(inside towel_0 gripper)"]) == 2
+    assert "shelf_0: has no place" in capsys.readouterr().err
