@@ -22,12 +22,12 @@ from bddl import Atom
 from executor import add_skill, feasible, rollout
 from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, hand_rotation, rotation_z, transform
-from executor.planning.cargo import carried_by
+from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.stances import HandGoal, Stance, search_stances
 from executor.records import Failure, FailureKind
 from executor.scenes.file import complete_scene
-from executor.sim.detectors import box_around, read, touching_bodies
+from executor.sim.detectors import box_around, read
 from executor.skills.navigate import adopt_first, follow_legs
 from executor.skills.session import Session, StepResult
 from oag.measurements import SideEffect, Unplanned
@@ -123,7 +123,8 @@ def stances(session: Session, thing: str, stroke: Stroke) -> Iterator[Stance[Str
     """Yield stances from which the arm can make a push with nothing in the way of the hand or of the thing."""
     planner, oracle = session.planner, session.planner.oracle
     opening_m, touch = finger_m(session, thing, stroke), may_touch(session, thing)
-    resting = held_may_touch(touching_bodies(session.believed, thing))
+    cargo = cargo_of(session.believed, thing)
+    resting = held_may_touch(touching_any(session.believed, (thing, *cargo)))
 
     def validate(q: Array) -> tuple[Stroke, float] | None:
         T_touch = moved(planner.kinematics.forward(q), BEHIND_M * stroke.direction)
@@ -133,7 +134,7 @@ def stances(session: Session, thing: str, stroke: Stroke) -> Iterator[Stance[Str
         pushing = planner.line(to_thing[-1], moved(T_touch, stroke.distance_m * stroke.direction)).path
         if pushing is None:
             return None
-        oracle.carried = carried_by(session.believed, thing, T_touch)
+        oracle.carried = carried_by(session.believed, thing, T_touch, cargo)
         try:
             hit = oracle.first_hit(pushing, opening_m=opening_m, allowed=touch | resting, margin_m=CLEARANCE_M)
         finally:

@@ -30,7 +30,7 @@ from executor.learn.acting import Policy
 from executor.learn.demonstrations import EpisodeKind
 from executor.learn.observations import plan_of
 from executor.planning.articulation import handle_contacts
-from executor.planning.cargo import carried_by, touching_any
+from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import NOTHING, Allowed, fingers_may_touch, held_may_touch
 from executor.records import Failure
 from executor.rollouts.goals import tilt_deg
@@ -224,7 +224,7 @@ class MonitorWatch:
             self._note(behind)
         item = self._targets[-1]
         if self._monitor.carried is None and item in world.dynamic_ids and fingers_touching(world, item) == 2:
-            carried = carried_by(world, item, self._kinematics.forward(q))
+            carried = carried_by(world, item, self._kinematics.forward(q), cargo_of(world, item))
             supports = [body for body in touching_any(world, carried.ids) if body != ROBOT]
             allowed = self._monitor.allowed | held_may_touch(supports)
             self._monitor = replace(self._monitor, carried=carried, allowed=allowed)

@@ -1,7 +1,6 @@
 """What goes along with what moves: the items that a link carries, and what is in the gripper with its cargo.
 
-An item rides where its centre is in or on a region of its carrier. Cargo is taken to be fixed to its carrier: a bowl
-is carried upright, so that what lies in it stays where it is.
+Cargo of an item is what rests on nothing else. It is taken to be fixed to its carrier, which is kept upright.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import numpy as np
 
 from executor.geometry import Array, inverse
 from executor.sim.detectors import touching_bodies
+from executor.sim.engine import ROBOT
 from executor.sim.world import World
 
 EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
@@ -24,12 +24,14 @@ class Carried:
     Attributes:
         object_id: Id of the object between the fingers.
         T_eef_object: (4, 4) its pose in the hand's frame.
-        cargo: The ids of the items that ride in or on it, directly or not, with their poses (4, 4) in the hand's frame.
+        cargo: The ids of its cargo, with their poses (4, 4) in the hand's frame.
+        upward: (3,) the direction in the hand's frame that points up where the carrier is upright; None without cargo.
     """
 
     object_id: str
     T_eef_object: Array
     cargo: tuple[tuple[str, Array], ...] = ()
+    upward: Array | None = None
 
     @property
     def poses(self) -> tuple[tuple[str, Array], ...]:
@@ -42,23 +44,46 @@ class Carried:
         return tuple(name for name, _ in self.poses)
 
 
-def carried_by(world: World, object_id: str, T_world_eef: Array) -> Carried:
-    """Return what a hand at a pose (4, 4) carries that holds an object where it is now, with the object's cargo."""
+def carried_by(
+    world: World, object_id: str, T_world_eef: Array, cargo: tuple[str, ...] = (), upward: Array | None = None
+) -> Carried:
+    """Return what a hand carries that holds an object where it is now.
+
+    Args:
+        world: Where things are.
+        object_id: The object between the fingers.
+        T_world_eef: (4, 4) pose of the hand.
+        cargo: The ids of the object's cargo (`cargo_of`).
+        upward: (3,) the direction in the hand's frame that pointed up when the object was taken; by default now.
+    """
     T_eef_world = inverse(T_world_eef)
-    cargo = tuple((item, T_eef_world @ world.T_world_link(item)) for item in cargo_of(world, object_id))
-    return Carried(object_id, T_eef_world @ world.T_world_link(object_id), cargo)
+    poses = tuple((item, T_eef_world @ world.T_world_link(item)) for item in cargo)
+    if cargo and upward is None:
+        upward = T_world_eef[2, :3]
+    return Carried(object_id, T_eef_world @ world.T_world_link(object_id), poses, upward)
 
 
 def cargo_of(world: World, object_id: str) -> tuple[str, ...]:
-    """Return the ids of the items that ride in or on an item, directly or on one another."""
-    found = {object_id: None}
+    """Return the ids of an item's cargo: of the items that rest on it and on one another, and on nothing else.
+
+    Contacts decide, and not regions: what stands on the board above is over a carton as well, and of two plates one in
+    the other each has its centre in the other's region.
+
+    Args:
+        world: At rest; a restored one has to have made a step.
+        object_id: The carrier.
+    """
+    touching = {object_id: touching_bodies(world, object_id)}
     waiting = [object_id]
     while waiting:
-        carrier = waiting.pop()
-        own = [item for item in riders(world, carrier, world.assets[carrier].links[0].name) if item not in found]
-        found |= dict.fromkeys(own)
-        waiting += own
-    return tuple(found)[1:]
+        for body in touching[waiting.pop()]:
+            if body in world.dynamic_ids and body not in touching:
+                touching[body] = touching_bodies(world, body)
+                waiting.append(body)
+    alone = set(touching)
+    while elsewhere := {item for item in alone - {object_id} if not {*touching[item]} <= alone | {ROBOT}}:
+        alone -= elsewhere
+    return tuple(item for item in world.dynamic_ids if item in alone and item != object_id)
 
 
 def touching_any(world: World, object_ids: tuple[str, ...]) -> tuple[str, ...]:
@@ -68,10 +93,10 @@ def touching_any(world: World, object_ids: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, ...]:
-    """Return the items that a link of an object carries.
+    """Return the items that a moving link of an object carries.
 
     Args:
-        link: One of its links; all of its moving links by default.
+        link: One of its moving links; all of them by default.
     """
     asset = world.assets[object_id]
     moving = {joint.child for joint in asset.joints} if link is None else {link}
@@ -83,7 +108,7 @@ def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, 
         room = np.array(region.half_extents_m) + EDGE_M
         for item in world.dynamic_ids:
             wide_m = min(world.assets[item].extent_m[:2]) / 2
-            if item == object_id or (region.kind == "interior" and wide_m > max(region.half_extents_m[:2])):
+            if region.kind == "interior" and wide_m > max(region.half_extents_m[:2]):
                 continue  # As a saucer is in no cup that stands on it.
             centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
             if bool(np.all(np.abs(centre - np.array(region.center_m)) <= room)):

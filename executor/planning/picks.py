@@ -150,7 +150,8 @@ class Pick:
         asset, oracle = self._asset, self.planner.oracle
         width_m = asset.graspable_width_m or min(asset.extent_m[:2])
         opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
-        resting = held_may_touch(touching_any(self.world, (self.item, *cargo_of(self.world, self.item))))
+        cargo = cargo_of(self.world, self.item)
+        resting = held_may_touch(touching_any(self.world, (self.item, *cargo)))
         lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)
         options = [
             tuple(
@@ -160,7 +161,7 @@ class Pick:
         ]
 
         def lift(q: Array) -> tuple[Lift, float] | None:
-            oracle.carried = carried_by(self.world, self.item, self.planner.kinematics.forward(q))
+            oracle.carried = carried_by(self.world, self.item, self.planner.kinematics.forward(q), cargo)
             try:
                 return first_lift(q)
             finally:

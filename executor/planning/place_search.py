@@ -22,7 +22,7 @@ import numpy as np
 from executor.assets.asset_geometry import rolls_freely
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
-from executor.planning.cargo import Carried, carried_by
+from executor.planning.cargo import Carried, cargo_of, carried_by
 from executor.planning.collision import HELD, Hit
 from executor.planning.paths import FINE_ARM_STEP_RAD, base_move, polyline, segment
 from executor.planning.placements import UPWARD, placement_goals
@@ -406,6 +406,7 @@ class PlacementLookahead:
     ) -> None:
         self._slid = np.eye(4) if slid is None else slid
         self._planner, self._world, self._item = planner, world, item
+        self._cargo = cargo_of(world, item)
         self._support, self._regions, self._here = support, regions, here
         self._solver, self._floor = (
             ArmSolver(planner, restarts=LOOKAHEAD_RESTARTS),
@@ -446,7 +447,7 @@ class PlacementLookahead:
     def _can_be_put(self, goal: HandGoal, budget: int) -> tuple[bool, bool]:
         """Return whether a hand can place the item, and whether all candidates were looked at within the budget."""
         world, oracle = self._world, self._planner.oracle
-        carried = carried_by(world, self._item, goal.T_world_eef)
+        carried = carried_by(world, self._item, goal.T_world_eef, self._cargo)
         upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
         wanted = placement_goals(
             world,

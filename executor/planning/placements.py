@@ -363,7 +363,7 @@ def hand_goals(
     for turn, yaw in enumerate(spot.headings_rad):
         for flip in (False, True):
             pitches = [pitch_rad] if free else [upright_pitch(carried, flip=flip)]
-            if free or (low and region.name == HOLLOW):
+            if free or (low and region.name == HOLLOW and not carried.cargo):
                 pitches += [np.deg2rad(p) for p in FREE_PITCHES_DEG]
             for rank, pitch in enumerate(pitches):
                 R = hand_rotation(yaw, pitch, flip=flip)

@@ -142,10 +142,10 @@ class Planner:
 
     def _arm_path(self, q: Array, arm: Array, iterations: int) -> Array | None:
         base, here = q[self.robot.base], q[self.robot.arm]
-        if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=ARM_MARGIN_M):
+        goal = np.concatenate([base, arm])
+        if self._spills(goal[None]) or not self.oracle.is_free(goal, margin_m=ARM_MARGIN_M):
             return None
         lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
-        upward = self.kinematics.forward(q)[2, :3]
         middle, spread = (here + arm) / 2, np.abs(here - arm) / 2 + 0.5
 
         def sample() -> Array:
@@ -159,7 +159,7 @@ class Planner:
             def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
                 ends = np.concatenate([base, a]), np.concatenate([base, b])
                 way = segment(self.robot, *ends, arm_step_rad=step_rad)
-                return not self._spills(way, upward) and self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
+                return not self._spills(way) and self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
 
             way = connect(
                 here,
@@ -177,16 +177,12 @@ class Planner:
                 return np.stack([np.concatenate([base, posture]) for posture in way])
         return None
 
-    def _spills(self, way: Array, upward: Array) -> bool:
-        """Return whether what is carried loses its cargo on a way (N, Q), since it leans too far.
-
-        Args:
-            upward: (3,) the hand's direction that points up while the carrier is upright.
-        """
+    def _spills(self, way: Array) -> bool:
+        """Return whether what is carried loses its cargo on a way (N, Q), since it leans too far."""
         carried = self.oracle.carried
-        if carried is None or not carried.cargo:
+        if carried is None or carried.upward is None:
             return False
-        return any(float(self.kinematics.forward(q)[2, :3] @ upward) < SPILL_COSINE for q in way)
+        return any(float(self.kinematics.forward(q)[2, :3] @ carried.upward) < SPILL_COSINE for q in way)
 
     def base_path(self, q: Array, base: Array, *, iterations: int = 800) -> Array | None:
         """Return free waypoints (N, Q) that drive to a base pose with the arm as it is, or None.

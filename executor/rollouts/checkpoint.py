@@ -52,6 +52,8 @@ class Checkpoint:
         lifted_from: Contacts that the held item had where it was taken, as pairs of bodies.
         released: Pairs of bodies that the fingers may touch while they leave, from the subtask before.
         state_hash: Hash of everything recorded up to here.
+        cargo: Ids of the held item's cargo.
+        upward: Direction in the hand's frame that pointed up when the item was taken; None without cargo.
     """
 
     packed: bytes
@@ -63,6 +65,14 @@ class Checkpoint:
     lifted_from: tuple[tuple[str, str], ...]
     released: tuple[tuple[str, str], ...]
     state_hash: str
+    cargo: tuple[str, ...] = ()
+    upward: tuple[float, ...] | None = None
+
+    @property
+    def hand(self) -> Hand:
+        """What is in the gripper."""
+        contacts = frozenset(self.lifted_from), frozenset(self.released)
+        return Hand(self.held, self.gripped, *contacts, self.cargo, self.upward)
 
     @classmethod
     def of(cls, world: World, control: Controller, hand: Hand | None = None, state_hash: str = "") -> Checkpoint:
@@ -78,6 +88,8 @@ class Checkpoint:
             lifted_from=tuple(sorted(hand.lifted_from)),
             released=tuple(sorted(hand.released)),
             state_hash=state_hash,
+            cargo=hand.cargo,
+            upward=hand.upward,
         )
 
     @classmethod
@@ -119,6 +131,8 @@ class Checkpoint:
             fields["target"] = tuple(fields["target"])
             for contacts in ("lifted_from", "released"):
                 fields[contacts] = tuple((a, b) for a, b in fields[contacts])
+            fields["cargo"] = tuple(fields.get("cargo", ()))
+            fields["upward"] = None if fields.get("upward") is None else tuple(map(float, fields["upward"]))
             found = cls(**fields)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise CheckpointError(f"not a checkpoint: {error}") from error

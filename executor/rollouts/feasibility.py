@@ -50,10 +50,7 @@ from oag.sizes import Sizing
 from oag.task_definition import required_scene
 
 MOST_PLANS = 3
-"""How many other plans for the same goal are gone through."""
-
-MOST_EFFORT_OF_PLANS_S = 2 * MOST_EFFORT_S
-"""After so much effort no further plan is gone through: that of one primitive and of the repairs of one plan."""
+"""How many other plans for the same goal are gone through, until they took as much effort as one primitive may."""
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
@@ -213,7 +210,7 @@ def feasible(
     # A goal names no part and no spot: another plan for it would not hold to them.
     by_goal = not any(subtask.where is not None for subtask in graph.task.subtasks)
     while most_repairs and by_goal and not found and found.known and len(known) <= MOST_PLANS:
-        if effort_s > MOST_EFFORT_OF_PLANS_S:
+        if effort_s - first.effort_s > MOST_EFFORT_S:
             break
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))

@@ -43,7 +43,7 @@ from executor.sim.faults import Fault
 from executor.sim.world import World
 from executor.skills.control import Bystanders, Controller, settle_to_rest
 from executor.skills.library import Runner, bounded, require_skills, skill_of
-from executor.skills.session import Hand, Session
+from executor.skills.session import Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
 from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose
 from oag.measurements import GoalReading
@@ -306,7 +306,7 @@ class Run:
             flow=subtask.flow or (),
             later=self.task.subtasks[index + 1 :],
             faults=self.faults,
-            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
+            hand=start.hand,
             handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
             stances=self.stances,
             avoided=self.avoided,

@@ -70,7 +70,9 @@ class Monitor:
                     mover = HELD
                 else:
                     continue
-                if far.owner in ("robot", *carried) or (near.owner == "robot" and far.owner == "ground"):
+                if far.owner in ("robot", *carried[:1]) or (near.owner == "robot" and far.owner == "ground"):
+                    continue
+                if far.owner in carried and (near.owner in carried or near.link in self.world.model.gripper_links):
                     continue
                 if is_allowed(self.allowed, mover, far.owner, far.link):
                     continue
@@ -145,10 +147,9 @@ class Bystanders:
                 how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tipped else "")
                 found = SideEffect(object_id, round(moved_m, 3), tipped)
                 return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", (found,))
-        still_there = cargo_of(self._world, self._target) if self._cargo else ()
         for object_id, before in self._cargo.items():
-            if object_id not in still_there:
-                moved_m, tipped = _moved(before, self._in_target(object_id))
+            moved_m, tipped = _moved(before, self._in_target(object_id))
+            if moved_m > DISPLACED_M and object_id not in cargo_of(self._world, self._target):
                 found = SideEffect(object_id, round(moved_m, 3), tipped)
                 return Failure(FailureKind.SIDE_EFFECT, f"{object_id} fell off {self._target}", (found,))
         return None

@@ -63,8 +63,8 @@ def grasp(session: Session, action: Action) -> StepResult:
         return replace(session, hand=pushing, handled=handled).done(action, GripMeasured(motion="push"))
     if (failure := misfit(target, asset, session.gripper)) is not None:
         return session.done(action, failure=failure)
-    lifted = (target, *cargo_of(session.world, target))
-    supports = [body for body in touching_any(session.world, lifted) if body != "robot"]
+    cargo = cargo_of(session.world, target) if asset.motion == "dynamic" else ()
+    supports = [body for body in touching_any(session.world, (target, *cargo)) if body != "robot"]
     planned_hold, at_rim = _planned_hold(session), session.plan.at_rim
     swing = session.plan.swing
     # A bar that is to turn between the fingers is pressed by what the spring of their drives gives, some 20 N.
@@ -85,9 +85,9 @@ def grasp(session: Session, action: Action) -> StepResult:
         session = replace(session, hand=holding, handled=handled)
         session.sync_planner()
         return session.done(action, measured)
-    holding = Hand(
-        target, session.hand.gripped, held_may_touch(supports), fingers_may_touch(session.planner.robot, target)
-    )
+    upward = tuple(map(float, session.planner.kinematics.forward(session.control.q)[2, :3])) if cargo else None
+    may_touch = held_may_touch(supports), fingers_may_touch(session.planner.robot, target)
+    holding = Hand(target, session.hand.gripped, *may_touch, cargo, upward)
     session = replace(session, hand=holding, handled=handled)
     session.sync_planner()
     measured = replace(measured, grip_force_n=round(_grip_force_n(session), 2))
@@ -142,7 +142,7 @@ def ungrasp(session: Session, action: Action) -> StepResult:
     held = session.hand.held
     before = session.world.T_world_link(held)[:3, 3] if held is not None else np.zeros(3)
     session.control.grip(session.planner.kinematics.finger_upper_m)
-    session = replace(session, hand=replace(session.hand, held=None, gripped=None))
+    session = replace(session, hand=session.hand.empty)
     session.control.settle(RELEASE_SETTLE_S)
     session.sync_planner()
     if held is None:

@@ -45,12 +45,21 @@ class Hand:
         gripped: Id of the fixture whose handle is in the gripper, or None.
         lifted_from: Contacts that the held item had where it was taken.
         released: What the fingers may touch while they leave.
+        cargo: Ids of the held item's cargo, as it was taken.
+        upward: Direction in the hand's frame that pointed up then; None without cargo.
     """
 
     held: str | None = None
     gripped: str | None = None
     lifted_from: Allowed = NOTHING
     released: Allowed = NOTHING
+    cargo: tuple[str, ...] = ()
+    upward: tuple[float, ...] | None = None
+
+    @property
+    def empty(self) -> Hand:
+        """The hand once it has let go."""
+        return replace(self, held=None, gripped=None, cargo=(), upward=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +202,9 @@ class Session:
         self.planner.oracle.carried = None
         held = self.hand.held
         if held is not None:
-            self.planner.oracle.carried = carried_by(self.world, held, self.planner.kinematics.forward(qpos))
+            T_world_eef = self.planner.kinematics.forward(qpos)
+            upward = None if self.hand.upward is None else np.array(self.hand.upward)
+            self.planner.oracle.carried = carried_by(self.believed, held, T_world_eef, self.hand.cargo, upward)
 
     def monitor(self, allowed: Allowed = NOTHING, *, gripped: str | None = None) -> Monitor:
         """Return a monitor for a motion that starts now."""

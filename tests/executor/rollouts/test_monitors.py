@@ -48,6 +48,7 @@ def test_cargo_that_falls_off_what_is_moved_is_a_side_effect(make_world: MakeWor
     settle(world)
     of_bowl, of_apple = Bystanders(world, "bowl_0"), Bystanders(world, "apple_0")
     world.set_object_pose("apple_0", at(0.0, 0.0, 0.3) @ world.T_world_link("apple_0"))
+    world.step()
     assert of_apple.check() is None
     failure = of_bowl.check()
     assert failure is not None and failure.kind is FailureKind.SIDE_EFFECT
