@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import bddl
 from executor.assets.library import asset_hash
-from executor.audit.decision import TILT_DEG, decide
+from executor.audit.decision import TILT_DEG, decide, named_spots
 from executor.audit.geometry import ROBOT, Snapshot
 from executor.data.units import DemoUnit
 from executor.geometry import pose_vector, transform_from_quaternion
@@ -115,7 +115,8 @@ def end(recorded: Recorded, world: World, scene_start: bytes) -> Iterator[Findin
     began = scene_start if recorded.begins_midway else recorded.state(0)
     first, last = Snapshot(world, began), Snapshot(world, recorded.state(-1))
     goal, scene, succeeded = recorded.task.goal, recorded.scene, recorded.meta["ended"] == "succeeded"
-    found = decide(goal, scene, first, last)
+    spots = named_spots(recorded.task)
+    found = decide(goal, scene, first, last, spots)
     words = ", ".join(found.missing)
     if found.value is None:
         yield Finding("undecided", f"no second geometry decides {words}")
@@ -134,7 +135,7 @@ def end(recorded: Recorded, world: World, scene_start: bytes) -> Iterator[Findin
     for _ in range(round(AFTER_S / world.timestep_s)):
         world.step()
     later = Snapshot(world, world.pack())
-    after = decide(goal, scene, first, later)
+    after = decide(goal, scene, first, later, spots)
     if after.value is not True:
         yield Finding("unstable", f"{AFTER_S:g} s after its end no longer holds: {', '.join(after.missing)}")
     for name, moved_m in _moved(last, later).items():
@@ -161,7 +162,7 @@ def _moved(before: Snapshot, after: Snapshot) -> dict[str, float]:
 def start(recorded: Recorded, world: World) -> Iterator[Finding]:
     """Check the first state: goal not true yet, everything stands, as the scene has it, apart, and stays."""
     scene, first = recorded.scene, Snapshot(world, recorded.state(0))
-    if decide(recorded.task.goal, scene, first, first).value:
+    if decide(recorded.task.goal, scene, first, first, named_spots(recorded.task)).value:
         yield Finding("start-goal", "its goal holds in its first state already")
     for pair, touch in first.touches.items():
         if not touch.separation_m >= -OVERLAP_M:

@@ -2,26 +2,33 @@
 
 What was put somewhere stands upright or as it stood, unless it is a ball, and the robot presses on it no more. What was
 picked up is higher than it was, or no longer under what it was under. A goal that denies a place denies it of what fell
-over, too.
+over, too. A spot that a task names besides its goal, such as "left of cup_0", has to be taken as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
 
 import bddl
 from bddl import Atom, Formula
 from executor.audit.geometry import GROUND, IN_M, ROBOT, Snapshot
-from oag import Scene
+from oag import Scene, Task
 from oag.model.scene import FLOOR
+from oag.model.where import Where
 
 LIFTED_M = 0.10
 OPEN_FRACTION = 0.05
 TILT_DEG = 12.0
 LEAN_DEG = 45.0
 GRIPPER = "gripper"
+SIDE_GAP_M = 0.06  # At most between a thing and the one at whose side it is, where both are small.
+SIDE_DEG = 55.0  # From the named direction: sides meet at 45.
 _PLACES = ("inside", "ontop")
+_HEADINGS_DEG = {"in front of": 180.0, "behind": 0.0, "left of": 90.0, "right of": -90.0}
 Reader = Callable[[Atom], bool | None]
 
 
@@ -38,7 +45,19 @@ class SuccessDecision:
     missing: tuple[str, ...] = ()
 
 
-def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> SuccessDecision:
+def named_spots(task: Task) -> dict[str, Where]:
+    """Return the spots and parts that a task names besides its goal, by the thing that ends there."""
+    last = {subtask.target: subtask.where for subtask in task.subtasks}
+    return {target: where for target, where in last.items() if where is not None}
+
+
+def decide(
+    goal: Formula,
+    scene: Scene,
+    before: Snapshot,
+    after: Snapshot,
+    spots: Mapping[str, Where] = MappingProxyType({}),
+) -> SuccessDecision:
     """Return whether a goal holds in a state.
 
     Args:
@@ -46,6 +65,7 @@ def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> Su
         scene: The concrete scene.
         before: The state at the episode's start.
         after: The state.
+        spots: Where things have to be besides (`named_spots`); a part, such as a drawer, is not decided.
     """
     categories = {name: thing.category for name, thing in scene.objects.items()}
 
@@ -60,6 +80,7 @@ def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> Su
         bddl.format(part): [bddl.evaluate(part, reads, categories) for reads in (there, as_meant)]
         for part in bddl.conjuncts(goal)
     }
+    values |= {f"{target} {where}": [_is_at_spot(target, where, scene, after)] * 2 for target, where in spots.items()}
     missing = tuple(part for part, found in values.items() if found != [True, True])
     if not missing:
         return SuccessDecision(True)
@@ -110,6 +131,22 @@ def _is_as_meant(atom: Atom, is_there: bool | None, before: Snapshot, after: Sna
     most_deg = LEAN_DEG if atom.predicate == "inside" and other in after.middles else TILT_DEG
     stands = after.is_ball(item) or after.tilt_deg(item, before) <= most_deg
     return stands and not after.is_pressed(item)
+
+
+def _is_at_spot(item: str, where: Where, scene: Scene, after: Snapshot) -> bool | None:
+    """Decide whether an item is near another thing on a side of it, as seen from the robot's start; None for a part."""
+    if where.part or not {item, where.other} <= {*after.hulls}:
+        return None
+    (low, high), (other_low, other_high) = after.corners(item), after.corners(where.other)
+    gap_m = float(np.linalg.norm(np.maximum(np.maximum(low - other_high, other_low - high), 0.0)[:2]))
+    if gap_m > max(float(np.mean(high - low + other_high - other_low)) / 6.0, SIDE_GAP_M):
+        return False
+    if where.relation == "next to":
+        return True
+    apart = ((low + high) - (other_low + other_high))[:2]
+    heading_deg = float(np.rad2deg(np.arctan2(apart[1], apart[0]) - scene.robot.yaw_rad))
+    off_deg = abs((heading_deg - _HEADINGS_DEG[where.relation] + 180.0) % 360.0 - 180.0)
+    return off_deg <= SIDE_DEG
 
 
 def _owner_of(name: str, scene: Scene) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from executor.assets.library import asset_for
 from executor.audit.decision import decide
 from executor.audit.geometry import Snapshot
 from executor.sim.world import World
+from oag.model.where import Side, Where
 from tests.executor.helpers import at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics
@@ -47,6 +50,36 @@ def test_on_a_table_as_long_as_its_middle_is_over_it(beyond_m: float) -> None:
         assert value(world, "(ontop can_0 table_0)") is (beyond_m < 0)
         assert value(world, "(not (ontop can_0 table_0))") is (beyond_m > 0)
         assert value(world, "(ontop can_0 floor)") in (False, beyond_m > 0)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "sides"),
+    [
+        (0.0, 0.10, {"next to", "left of"}),
+        (0.0, -0.10, {"next to", "right of"}),
+        (0.10, 0.0, {"next to", "behind"}),
+        (-0.10, 0.0, {"next to", "in front of"}),
+        (0.09, 0.09, {"next to", "left of", "behind"}),
+        (0.0, 0.25, set()),
+    ],
+)
+def test_a_side_is_as_seen_from_the_start_and_near(x_m: float, y_m: float, sides: set[str]) -> None:
+    things: dict[str, Thing] = {
+        "table_0": TABLE,
+        "can_0": CAN | {"position": [1.0, 0.0, TOP_M + 0.0505]},
+        "apple_0": APPLE | {"position": [1.0 + x_m, y_m, TOP_M + 0.0355]},
+    }
+    goal = bddl.parse_formula("(ontop apple_0 table_0)")
+    with World(scene_of({name: thing | UPRIGHT for name, thing in things.items()})) as world:
+        settle(world)
+        now = Snapshot(world, world.pack())
+        for relation in get_args(Side):
+            spots = {"apple_0": Where(relation, "can_0")}
+            found = decide(goal, world.scene, now, now, spots)
+            assert found.value is (relation in sides), relation
+            assert found.missing == (() if found.value else (f"apple_0 {relation} can_0",))
+        part = decide(goal, world.scene, now, now, {"apple_0": Where(which="top", part="shelf")})
+        assert part.value is None, "parts are not decided, and not taken for granted"
 
 
 @pytest.mark.parametrize(("above_m", "holds"), [(0.001, True), (0.004, True), (0.012, False), (0.1, False)])
