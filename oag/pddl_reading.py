@@ -1,7 +1,7 @@
 """PDDL 2.1 in: a lifted domain of STRIPS with types and negative preconditions; all else is refused by name.
 
 The domain becomes an own domain without the 21 primitives, and its problem a scene that is known completely, with its
-goal.
+goal. A goal may be any formula, since `oag.plan` spells quantifiers and alternatives out.
 
 Source: Fox and Long, PDDL2.1 (JAIR 2003), level 1; docs/semantics.md, Own domains.
 """
@@ -9,10 +9,11 @@ Source: Fox and Long, PDDL2.1 (JAIR 2003), level 1; docs/semantics.md, Own domai
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import bddl
+from bddl.ast import Quantified
 from oag.model.diagnostics import OagError
 from oag.model.domain import ANY_WORD, THING, Domain
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject
@@ -24,7 +25,7 @@ _WORDS = re.compile(r"[()]|[^\s()]+")
 
 
 class PddlError(OagError):
-    """Something cannot be expressed in STRIPS with negative preconditions.
+    """Something cannot be expressed in STRIPS with types and negative preconditions.
 
     Attributes:
         refused: What it is, a name each.
@@ -32,16 +33,18 @@ class PddlError(OagError):
 
     def __init__(self, refused: Iterable[str]) -> None:
         self.refused = tuple(dict.fromkeys(refused))
-        super().__init__(f"PDDL: not in STRIPS with negative preconditions: {'; '.join(self.refused)}")
+        super().__init__(f"PDDL: not in STRIPS with types and negative preconditions: {'; '.join(self.refused)}")
 
 
 def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
     """Return the scene and the goal of a PDDL problem; the scene's domain has the actions as its primitives.
 
-    Letters are read in lower case, as PDDL does; names of actions become capitals.
+    Letters are read in lower case, as PDDL does; names of actions become capitals. The goal may have quantifiers and
+    alternatives.
 
     Raises:
-        PddlError: Something that is not STRIPS with types and negative preconditions, by name.
+        PddlError: Something that is not STRIPS with types and negative preconditions, by name; of an atom whose types
+            are not those of its predicate, with its place in the problem.
         bddl.BDDLError: A text is no PDDL.
 
     Example:
@@ -57,15 +60,18 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
     refused = [need for need in pddl.requirements if need not in REQUIREMENTS]
     if refused:
         raise PddlError(refused)
-    problem = bddl.parse(f"{domain_text}\n{problem_text}", profile="auto")
+    problem = bddl.parse(problem_text, profile="auto", domain=pddl)
     if not isinstance(problem, bddl.Problem):
         raise PddlError(["a problem of another language"])
+    refused = list(_mistyped(problem, pddl))
+    if refused:
+        raise PddlError(refused)
     rows = [_read_action(each.text.lower()) for each in pddl.actions]
     names = [name for name, _ in rows]
     alike = [f"two actions {name}, whose names differ in signs alone" for name in names if names.count(name) > 1]
     if alike:
         raise PddlError(alike)
-    types = {item.name: item.category for item in pddl.types if item.category != THING}
+    types = _types(pddl)
     categories = dict.fromkeys((THING, *(item.name for item in pddl.types), *problem.categories.values()))
     domain = Domain.from_json(
         {
@@ -85,6 +91,32 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
     facts: Any = tuple(each for each in problem.init if isinstance(each, bddl.Atom))
     closed = frozenset(domain.predicates)
     return Scene(problem.name, RobotPose(), things, facts, closed, domain=domain), problem.goal
+
+
+def _types(pddl: bddl.Domain) -> dict[str, str]:
+    return {item.name: item.category for item in pddl.types if item.category != THING}
+
+
+def _mistyped(problem: bddl.Problem, pddl: bddl.Domain) -> Iterator[str]:
+    """Yield the atoms with an argument that is not of the type of its parameter."""
+    parameters = {each.name: each.parameters for each in pddl.predicates}
+    typed = Domain(pddl.name, types=_types(pddl))
+    waiting: list[tuple[bddl.Formula, Mapping[str, str]]] = [
+        (each, problem.categories) for each in (problem.goal, *reversed(problem.init))
+    ]
+    while waiting:
+        node, known = waiting.pop()
+        if not isinstance(node, bddl.Atom):
+            bound = dict(node.binders) if isinstance(node, Quantified) else {}
+            waiting += [(part, {**known, **bound} if bound else known) for part in reversed(node.operands)]
+            continue
+        place = "" if node.span is None else f"line {node.span.line}, column {node.span.column}: "
+        for name, (_, wanted) in zip(node.args, parameters[node.predicate], strict=True):
+            own = known.get(name, THING)
+            if wanted not in (THING, *typed.line(own)):
+                fitting = [key for key, category in problem.categories.items() if wanted in typed.line(category)]
+                legal = ", ".join(fitting[:3]) or "none in the problem"
+                yield f"{place}{bddl.format(node)}: {name} is {own}, and {wanted} is expected ({legal})"
 
 
 _SECTIONS = (":constants", ":functions", ":derived", ":durative-action", ":axiom")

@@ -278,6 +278,36 @@ def test_what_is_no_strips_is_refused_by_name(change: str, refused: str) -> None
     assert refused in caught.value.refused
 
 
+_TYPED = """(define (domain d) (:types mug - cup cup table)
+    (:predicates (full ?x - cup) (on ?x - cup ?t - table) (by ?x ?y))
+    (:action put :parameters (?x - cup ?t - table) :precondition (full ?x) :effect (on ?x ?t)))"""
+_TYPED_PROBLEM = """(define (problem e) (:domain d) (:objects c - cup m - mug t - table)
+    (:init (full c)
+           {})
+    (:goal {}))"""
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "refused"),
+    [
+        ("(full t)", "(on c t)", "line 3, column 12: (full t): t is table, and cup is expected (c, m)"),
+        ("(full gripper)", "(on c t)", "line 3, column 12: (full gripper): gripper is object, and cup"),
+        ("", "(and (full m) (on c m))", "line 4, column 26: (on c m): m is mug, and table is expected (t)"),
+        ("", "(forall (?c - table) (full ?c))", "line 4, column 33: (full ?c): c is table, and cup"),
+    ],
+)
+def test_atoms_have_the_types_of_their_predicates(start: str, goal: str, refused: str) -> None:
+    with pytest.raises(pddl.PddlError) as caught:
+        pddl.read(_TYPED, _TYPED_PROBLEM.format(start, goal))
+    assert len(caught.value.refused) == 1 and caught.value.refused[0].startswith(refused)
+
+
+def test_a_goal_that_is_read_keeps_quantifiers_and_alternatives() -> None:
+    for goal, steps in (("(forall (?x - cup) (on ?x t))", 2), ("(and (by m t) (or (on c t) (on m t)))", 1)):
+        planned = oag.plan(*pddl.read(_TYPED, _TYPED_PROBLEM.format("(full m) (by m t)", goal)))
+        assert planned.task is not None and len(planned.task.subtasks) == steps and confirmed(planned.report)
+
+
 def test_what_cannot_be_exported_is_refused_by_name() -> None:
     with pytest.raises(pddl.PddlError, match="no conjunction"):
         pddl.export(kitchen(), "(or (open drawer_0) (nextto apple_0 cup_0))")
