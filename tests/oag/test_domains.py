@@ -21,6 +21,7 @@ from oag.model.actions import flow_to_json
 from oag.model.diagnostics import RecordError
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
+from oag.model.symbols import Kind
 from oag.revision import Attempt, Critique, History, Revision, admissible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
@@ -102,6 +103,9 @@ def test_a_certificate_is_of_its_domain_alone() -> None:
     loose = oag.Domain.from_json(data["domain"])
     forged = oag.compose(oag.task(kitchen(loose), goal="(nextto apple_0 cup_0)", steps=STEPS)).verify()
     assert oag.recheck(forged.certificate) and not oag.recheck(forged.certificate, scene=here)
+    mine, theirs = (f"next_to ({domain.digest[:8]})" for domain in (NEXT_TO, loose))
+    result = oag.recheck(forged.certificate, domain=NEXT_TO)
+    assert result.reason == f"it is about another domain than {mine}: {theirs}"
     row["objects"].reverse()
     assert oag.Domain.from_json(data["domain"]).digest != loose.digest
 
@@ -113,6 +117,10 @@ def test_a_scene_s_json_has_its_domain_and_no_other_is_accepted() -> None:
     other = replace(NEXT_TO, name="other")
     with pytest.raises(oag.SceneError, match="next_to, and another one was given: other"):
         oag.Scene.from_json(data, other)
+    namesake = replace(NEXT_TO, kinds={"lamp": Kind.ITEM})
+    with pytest.raises(oag.SceneError) as caught:
+        oag.Scene.from_json(data, namesake)
+    assert all(f"next_to ({domain.digest[:8]})" in str(caught.value) for domain in (NEXT_TO, namesake))
     data["domain"]["primitives"]["PUSH"]["needs"] = ["(flies ?thing)"]
     with pytest.raises(DomainError, match="flies"):
         oag.Scene.from_json(data)
