@@ -43,8 +43,8 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
     alternatives.
 
     Raises:
-        PddlError: Something that is not STRIPS with types and negative preconditions, by name; of an atom whose types
-            are not those of its predicate, with its place in the problem.
+        PddlError: Something that is not STRIPS with types and negative preconditions, by name. An atom whose types are
+            not those of its predicate comes with its place in the problem.
         bddl.BDDLError: A text is no PDDL.
 
     Example:
