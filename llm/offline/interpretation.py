@@ -463,9 +463,8 @@ class _IntentBuilder(Housekeeping):
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
-            spoken = self.discourse.spoken
-            phrase, there = self.grounding.other(place.phrase, spoken, hosts), place.phrase.location
-            taken = (*hosts, *spoken) if phrase.another else ()
+            phrase = self.grounding.other(place.phrase, self.discourse.spoken, hosts)
+            there, taken = phrase.location, (*hosts, *self.discourse.spoken) if phrase.another else ()
             # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
             any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)
             moves = there is not None and {place.direction, there.direction} <= {*_INTO_OR_ONTO, "TO"}
