@@ -59,6 +59,7 @@ _SPLITS = {"tuning": "seen", "judging": "unseen"}
 # The commit of ALFRED's repository whose tree has the annotations, and the seed of the draw.
 _ANNOTATIONS = "495d2c39ee3db399696a5c58512faf3c8d8f122c"
 _DRAW_SEED = 20261129
+_COMMANDS, _TESTS = "refined_*_commands.json", "instruction2_params_test_*seen.p"
 # Places of AI2-THOR as people call them; the longer names first.
 _CALLED = {
     "coffee table": "coffee_table", "side table": "side_table", "end table": "side_table", "night stand": "side_table",
@@ -107,7 +108,7 @@ def instructions(folder: Path, types: Sequence[str]) -> list[Instruction]:
     """Return the unique instructions of some types of tasks, sorted."""
     wanted = {_TYPES[name] for name in types}
     found: dict[str, str] = {}
-    for path in sorted(folder.glob("refined_*_commands.json"), key=lambda path: ("unseen" in path.name, path.name)):
+    for path in sorted(folder.glob(_COMMANDS), key=lambda path: ("unseen" in path.name, path.name)):
         for task in json.loads(path.read_text(encoding="utf-8")):
             if task["task_type"] in wanted:
                 for text in task["original"]:
@@ -173,9 +174,9 @@ def _letters(text: str) -> str:
 
 
 def _sentences_in(folder: Path) -> Iterator[str]:
-    for path in folder.glob("refined_*_commands.json"):
+    for path in folder.glob(_COMMANDS):
         yield from (text for task in json.loads(path.read_text(encoding="utf-8")) for text in task["original"])
-    for path in folder.glob("instruction2_params_test_*.p"):
+    for path in folder.glob(_TESTS):
         with path.open("rb") as file:
             yield from _Plain(file).load()
 
@@ -301,26 +302,49 @@ def _moves(goal: bddl.Formula, scene: oag.Scene) -> Iterator[tuple[str, str]]:
             yield names[0], names[1]
 
 
+def _asked_for(args: argparse.Namespace, parser: argparse.ArgumentParser) -> list[Instruction]:
+    wanted = _TESTS if args.tests else _COMMANDS
+    if args.drawn is None:
+        if args.without:
+            parser.error("--without is for --drawn alone")
+        if len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
+            parser.error(
+                f"{args.folder} holds not the files {wanted} that are expected there; its help says where from"
+            )
+        if args.tests:
+            return split_instructions(args.folder, args.half or "tuning", args.types)
+        return instructions(args.folder, args.types)[1 if args.half == "judging" else 0 :: 2]
+    if args.half is not None:
+        parser.error("--half is not for --drawn, which has no halves")
+    if args.drawn < 1:
+        parser.error(f"--drawn {args.drawn}: expected a count of 1 or more")
+    for folder in args.without:
+        if not any(path for pattern in (_COMMANDS, _TESTS) for path in folder.glob(pattern)):
+            parser.error(f"--without {folder}: it holds neither {_COMMANDS} nor {_TESTS}")
+    try:
+        return drawn_instructions(args.folder, args.drawn, args.types, args.without)
+    except subprocess.CalledProcessError as problem:
+        said = problem.stderr.strip().splitlines()
+        parser.error(
+            f"{args.folder} is no clone of ALFRED with the commit {_ANNOTATIONS}: {said[-1] if said else problem}"
+        )
+
+
 def main() -> None:
     """Print the counts of one half, and with --show every instruction."""
     parser = argparse.ArgumentParser(description="How many of people's instructions the offline planner understands.")
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--half", choices=("tuning", "judging"), default="tuning")
+    parser.add_argument("--half", choices=("tuning", "judging"), help="not of --drawn (default: tuning)")
     parser.add_argument("--types", nargs="+", choices=(*_TYPES, "sliced"), default=["simple", "two"])
-    parser.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
-    parser.add_argument("--drawn", type=int, metavar="COUNT", help="so many instructions of training demonstrations")
-    parser.add_argument("--without", nargs="+", type=Path, default=[], help="folders of sentences that are left out")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
+    source.add_argument("--drawn", type=int, metavar="COUNT", help="so many instructions of training demonstrations")
+    parser.add_argument(
+        "--without", nargs="+", type=Path, default=[], help="folders of sentences that --drawn leaves out"
+    )
     parser.add_argument("--show", action="store_true")
     args = parser.parse_args()
-    wanted = "instruction2_params_test_*seen.p" if args.tests else "refined_*_commands.json"
-    if args.drawn is None and len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
-        parser.error(f"{args.folder} holds not the files {wanted} that are expected there; its help says where from")
-    if args.drawn is not None:
-        half = drawn_instructions(args.folder, args.drawn, args.types, args.without)
-    elif args.tests:
-        half = split_instructions(args.folder, args.half, args.types)
-    else:
-        half = instructions(args.folder, args.types)[0 if args.half == "tuning" else 1 :: 2]
+    half = _asked_for(args, parser)
     counts: Counter[str] = Counter()
     for instruction in half:
         outcome, text = judged(instruction)

@@ -37,9 +37,9 @@ class Discourse:
     mentions: list[Mention] = field(default_factory=list)
 
     @property
-    def themes(self) -> frozenset[str]:
-        """Objects that any command has acted on."""
-        return frozenset(key for mention in self.mentions for key in mention.themes)
+    def spoken(self) -> frozenset[str]:
+        """Objects that any command has acted on, destinations and sources."""
+        return frozenset(key for mention in self.mentions for key in (*mention.themes, *mention.places))
 
     def item(self, phrase: NounPhrase) -> tuple[str, ...]:
         """Resolve a pronoun that names a moved item: what the latest command about items moved."""

@@ -45,8 +45,8 @@ _Noted = tuple[tuple[str, ...], tuple[str, ...]]
 class Grounding:
     """Ground phrases in one scene.
 
-    `trusts`: where no reading is a plan otherwise, the only piece of furniture that a name fits may be described by a
-    landmark that the scene lacks, or by a side that depends on the viewpoint.
+    `trusts`: where no reading is a plan otherwise, a piece of furniture may be described by a landmark that the scene
+    lacks, or by a side that depends on the viewpoint, if its name fits nothing else, even less well.
     """
 
     around: Surroundings
@@ -128,14 +128,21 @@ class Grounding:
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
-    def other(self, phrase: NounPhrase, known: Collection[str]) -> NounPhrase:
-        """Return the phrase of the only object beside the known ones for "the other mug"; other phrases unchanged."""
+    def other(self, phrase: NounPhrase, spoken: Collection[str], hosts: Collection[str] = ()) -> NounPhrase:
+        """Return the phrase of the only object beside the known ones for "the other mug"; other phrases unchanged.
+
+        Known is what was spoken of, and else what hosts the things that are moved; where these differ, neither is.
+        """
         words = tuple(word for word in phrase.words if word != "other")
         if words == phrase.words or not words or phrase.several:
             return phrase
-        ids = self.names.described(words).ids
-        left = tuple(key for key in ids if key not in known)
-        return replace(phrase, words=left) if len(left) == 1 < len(ids) else phrase
+        named = self.names.described(words)
+        ids = self._as_described(named.descriptions, named.ids, phrase)
+        known, here = ({key for key in ids if key in some} for some in (spoken, hosts))
+        left = tuple(key for key in ids if key not in (known or here))
+        if len(left) != 1 or len(ids) == 1 or (known and here and known != here):
+            return phrase
+        return replace(phrase, words=(*named.descriptions, *left))
 
     def nowhere(self, phrase: NounPhrase) -> bool:
         """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
@@ -189,7 +196,7 @@ class Grounding:
     def _held_by(self, ids: tuple[str, ...], place: Location) -> _Noted:
         """Return the objects that stand directly at a place, not on something that stands there."""
         if place.direction in REFERENCE_DIRECTIONS:
-            return self._at(ids, place)
+            return self._found_at(ids, place)
         named = self.one(place.phrase)
         held = tuple(
             key
@@ -270,10 +277,10 @@ class Grounding:
         notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
             if place is not None:
-                ids, more = self._at(ids, place)
+                ids, more = self._at(ids, place, named)
                 notes += more
         for held in phrase.load:
-            ids, more = self._holding(ids, held, phrase)
+            ids, more = self._holding(ids, held, phrase, named)
             notes += more
         return self._as_described(named.descriptions, ids, phrase), notes
 
@@ -353,23 +360,29 @@ class Grounding:
             ids = fitting
         return ids
 
-    def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
+    def _at(self, ids: tuple[str, ...], place: Location, named: Named) -> _Noted:
         """Return the objects at a place, with the assumptions."""
         try:
             return self._found_at(ids, place)
         except Refusal as refusal:
-            if not self._trusted(ids, place, refusal):
+            if not self._trusted(named, place, refusal):
                 raise
             return ids, (f'"{place}" is taken on trust: {refusal.problem}',)
 
-    def _trusted(self, ids: Sequence[str], place: Location, refusal: Refusal) -> bool:
+    def _is_only_furniture(self, named: Named) -> bool:
+        """Decide whether a name fits one object alone, even less well, and that is a piece of furniture."""
+        return len(named.ids) == 1 and not named.passed_over and self.around.scene.objects[named.ids[0]].role == "A"
+
+    def _trusted(self, named: Named, place: Location, refusal: Refusal) -> bool:
         """Decide whether a place that is not confirmed may describe the only piece of furniture of a name."""
-        if not self.trusts or len(ids) != 1 or self.around.scene.objects[ids[0]].role != "A":
+        if not self.trusts or not self._is_only_furniture(named):
             return False
         if refusal.code == "unknown-object":
-            named = " ".join(word for word in place.phrase.words if word not in self.names.lexicon.descriptions)
-            return place.direction in REFERENCE_DIRECTIONS and named in self.names.lexicon.landmarks
-        return refusal.code == "wrong-place" and (place.direction in _FROM_A_VIEWPOINT or place.direction == "TO")
+            spoken = " ".join(word for word in place.phrase.words if word not in self.names.lexicon.descriptions)
+            return place.direction in REFERENCE_DIRECTIONS and spoken in self.names.lexicon.landmarks
+        # "To the end of the sofa" is where something goes.
+        at = place.direction == "TO" and place.preposition.startswith("at ")
+        return refusal.code == "wrong-place" and (place.direction in _FROM_A_VIEWPOINT or at)
 
     def _found_at(self, ids: tuple[str, ...], place: Location) -> _Noted:
         phrase = self._of_one_name(place.phrase)
@@ -398,13 +411,13 @@ class Grounding:
             f"{alternatives(supports)}: {stands}",
         )
 
-    def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase) -> _Noted:
+    def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase, whole: Named) -> _Noted:
         """Return the objects that hold what a phrase says they do."""
         held = self._of_one_name(held)
         named = self._bearers(held, named_only=True)
         things, notes = self._narrowed(named, held, None)
-        roles = {self.around.scene.objects[key].role for key in (*ids, *things)}
-        if self.trusts and len(ids) == 1 and roles == {"A"}:
+        fixed = all(self.around.scene.objects[key].role == "A" and not self.around.supports(key) for key in things)
+        if self.trusts and fixed and self._is_only_furniture(whole):
             return ids, (*named.notes, *notes, f'"with {held}" is taken on trust')
         if not held.whichever and len(things) > 1 and not set(things).isdisjoint(ids):
             problem = f'"{held}" can mean {alternatives(things)}; say which one by its id'

@@ -365,10 +365,11 @@ class _IntentBuilder(Housekeeping):
         unclear: list[Refusal] = []
         for phrase in command.objects:
             try:
-                phrase = self.grounding.other(phrase, self.discourse.themes)
+                phrase = self.grounding.other(phrase, self.discourse.spoken)
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
-                meant = self._target(command, phrase, source, rather_not, {*taken, *others})
+                before = self.discourse.spoken if phrase.another else ()
+                meant = self._target(command, phrase, source, rather_not, {*taken, *others, *before})
                 if phrase.whichever and command.kind not in ("open", "close", "pick"):
                     self.taken.update(grounded.object_id for grounded in meant)
                 if command.kind == "open" and phrase.front is not None:
@@ -399,7 +400,7 @@ class _IntentBuilder(Housekeeping):
         if phrase.pronoun:
             meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
             return tuple(Grounded(key) for key in meant)
-        if is_door and phrase.is_only_a_door:
+        if is_door and phrase.is_only_a_door and not phrase.another:
             spoken = self._door_spoken_of(phrase)
             if spoken:
                 return spoken
@@ -412,7 +413,7 @@ class _IntentBuilder(Housekeeping):
         if is_door and not phrase.several:
             can, shut = self.grounding.around.affordances, command.kind == "open"
             is_open = self.grounding.around.is_open
-            return self.grounding.every(phrase, fits=lambda key: can[key].door and is_open(key) is not shut)
+            return self.grounding.every(phrase, None, (), taken, lambda key: can[key].door and is_open(key) is not shut)
         if phrase.load and command.kind == "place" and self.grounding.nowhere(phrase):
             # "Put the bowl with the apple in it on the table": what it shall hold.
             phrase = replace(phrase, load=())
@@ -462,15 +463,16 @@ class _IntentBuilder(Housekeeping):
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
-            phrase, there = self.grounding.other(place.phrase, hosts), place.phrase.location
+            phrase = self.grounding.other(place.phrase, self.discourse.spoken, hosts)
+            there, taken = phrase.location, (*hosts, *self.discourse.spoken) if phrase.another else ()
             # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
             any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)
             moves = there is not None and {place.direction, there.direction} <= {*_INTO_OR_ONTO, "TO"}
             if any_one and moves and self.grounding.nowhere(phrase):
-                grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts))
+                grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts), taken=taken)
                 if self._is_item(grounded.object_id):
                     return replace(grounded, moves=True)
-            return self.grounding.one(phrase, avoided=(*targets, *hosts), fits=self._takes(place))
+            return self.grounding.one(phrase, None, (*targets, *hosts), taken, self._takes(place))
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:

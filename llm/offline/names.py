@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Self, get_args
 
 import bddl
 from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
 from llm.offline.lexicon import Category, Lexicon, names_of, short_names
 from llm.offline.reader import NounPhrase, TaggedWord
-from llm.offline.viewpoint import COLORS, LEVELS
+from llm.offline.viewpoint import COLORS, LEVELS, SIZES, stated_colors
 from oag import Scene
+from oag.model.symbols import Kind, kind_of
 from oag.model.where import WHICH, Part, Where
 
 
@@ -107,9 +109,9 @@ class Names:
                 continue
             if any(self.by_name(word.text).ids or self.lexicon.owners(word.text) for word in (one, other)):
                 continue
-            end = next((i for i in range(index, len(kept)) if kept[i].terminal not in ("AND", "WORD")), len(kept))
+            end = next((i for i in range(index + 2, len(kept)) if kept[i].terminal != "WORD"), len(kept))
             name, before = kept[index + 2 : end], kept[index - 2] if index > 1 else None
-            if self._is_plural(name) and {one.text, other.text} <= self.lexicon.descriptions:
+            if self._are_told_apart(one.text, other.text, name):
                 each = [TaggedWord("ALL", "all")]
                 start = index - 1 - (before is not None and before.terminal in ("DETERMINER", "BOTH"))
                 kept[start:end] = [*each, one, *name, link, *each, other, *name]
@@ -117,21 +119,27 @@ class Names:
                 del kept[index]
         return tuple(kept)
 
-    def _is_plural(self, name: Sequence[TaggedWord]) -> bool:
+    def _are_told_apart(self, one: str, other: str, name: Sequence[TaggedWord]) -> bool:
+        """Decide whether two sizes, or two colours, tell those apart that the plural of a name means."""
         words = tuple(word.text for word in name)
-        if not words or any(word.terminal != "WORD" for word in name) or self.described(words).ids:
+        if self.described(words).ids:
             return False
-        return any(self.described((*words[:-1], one)).ids for one in singulars(words[-1]))
+        named = next(filter(None, (self.described((*words[:-1], last)).ids for last in singulars(words[-1]))), ())
+        if one in SIZES and other in SIZES:
+            return bool(named) and SIZES[one][0] != SIZES[other][0]
+        colored = bool(named) and all(stated_colors(self.scene.objects[key]) for key in named)
+        return colored and one in COLORS and other in COLORS
 
     def compound(self, words: tuple[str, ...]) -> Named:
         """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
 
         What stands before it in "the sink counter" is taken on trust. A name of several words is one of its own: "the
         towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens. "The table shelf" is
-        one of the table, while a drawer of a desk can be a thing of its own.
+        one of a table, in the scene or not, while a drawer of a desk can be a thing of its own.
         """
         owners = [key for word in words[:-1] for key in self.by_name(word).ids]
-        a_part = words[-1] == "shelf" and any(self.scene.objects[key].role == "A" for key in owners)
+        runs = (" ".join(words[start:stop]) for start, stop in combinations(range(len(words)), 2))
+        a_part = words[-1] == "shelf" and any(map(self._is_furniture, runs))
         if not all(map(self.knows, words)) or a_part or any(self.affordances[key].door for key in owners):
             return Named((), " ".join(words))
         for start in range(1, len(words)):
@@ -144,6 +152,13 @@ class Names:
             if len(named.ids) == 1 and self.scene.objects[named.ids[0]].role == "A" and not known:
                 return replace(named, descriptions=(*words[:start], *named.descriptions))
         return Named((), " ".join(words))
+
+    def _is_furniture(self, name: str) -> bool:
+        """Decide whether a name is one of furniture, in the scene or not."""
+        categories = self.lexicon.categories.items()
+        return any(self.scene.objects[key].role == "A" for key in self.by_name(name).ids) or any(
+            name in entry.names and kind_of(key, 0.0) is not Kind.ITEM for key, entry in categories
+        )
 
     def by_name(self, name: str) -> Named:
         """Return the objects that a name fits best, in the order of `names_of`; the others are passed over."""

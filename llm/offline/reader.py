@@ -90,6 +90,7 @@ class NounPhrase:
         count: Required number, if given ("both glasses").
         one_of: Whether one of several is meant ("one of the glasses").
         whichever: Whether any of them will do ("a glass", "two of the glasses"), unlike "some glass" and "the glass".
+        another: Whether it is none of those spoken of before ("another glass").
         everything: Whether all items are meant, whatever they are called ("everything on the table").
         pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
@@ -109,6 +110,7 @@ class NounPhrase:
     count: int | None = None
     one_of: bool = False
     whichever: bool = False
+    another: bool = False
     everything: bool = False
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
@@ -371,11 +373,11 @@ def _phrase(tree: Any) -> NounPhrase:
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
     whichever = "A" in types or some_number or "ONE" in types
+    another = not {"another", "a different"}.isdisjoint(texts)
     definite = "DETERMINER" in types
     if rule == "several":
-        return NounPhrase(
-            words, states, location, door=door, several=True, count=count, whichever=whichever, definite=definite
-        )
+        of_all = NounPhrase(words, states, location, door=door, several=True, count=count, definite=definite)
+        return replace(of_all, whichever=whichever, another=another)
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location", "load"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
@@ -390,6 +392,7 @@ def _phrase(tree: Any) -> NounPhrase:
         count,
         one_of=rule == "one_of",
         whichever=whichever,
+        another=another,
         side=side,
         towards=bool(_TOWARDS & set(types)),
         definite=definite,

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
-from benchmarks.alfred_sentences import instructions, judged
+import pytest
+
+from benchmarks.alfred_sentences import instructions, judged, main
 
 TASKS = [
     {
@@ -35,3 +38,25 @@ def test_instructions_are_unique_sorted_and_judged_by_the_experts_plan(tmp_path:
         ("store the salt on the fridge", "affordance"),
     ]
     assert [len(found[2].scene.facts), found[2].moves] == [3, (("key_chain", "sofa"),) * 2]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--drawn", "5"], "is no clone of ALFRED"),
+        (["--drawn", "0"], "expected a count of 1 or more"),
+        (["--drawn", "5", "--without", "."], "it holds neither"),
+        (["--drawn", "5", "--half", "tuning"], "--half is not for --drawn"),
+        (["--drawn", "5", "--tests"], "not allowed with"),
+        (["--without", "."], "--without is for --drawn alone"),
+        (["--tests"], "holds not the files"),
+    ],
+)
+def test_a_wrong_call_ends_in_one_message(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["alfred_sentences", str(tmp_path), *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2 and said in capsys.readouterr().err

@@ -13,6 +13,7 @@ import llm
 import oag
 from llm.offline.lexicon import Category, built_in
 from llm.offline.reader import TaggedWord, read_words
+from oag.model.symbols import Kind, is_known, kind_of
 from tests.llm.kitchens import SCENES
 
 TEXT = files("llm.offline").joinpath("lexicon.toml").read_text(encoding="utf-8")
@@ -33,6 +34,14 @@ def test_no_name_of_a_thing_is_swallowed_by_another_class() -> None:
             # "Chest of drawers": a drawer is a noun as well, and names with "of" are put together again.
             assert {word.terminal for word in tokens} <= {"WORD", "DOOR", "OF"}, name
             assert not manner
+
+
+def test_entries_and_kinds_agree() -> None:
+    kinds = {key: kind_of(key, 0.0) for key in built_in().categories}
+    vessels = {key for key, entry in built_in().categories.items() if entry.affordances.interior}
+    assert all(kinds[key] is not Kind.ITEM or "container" in built_in().categories[key].names for key in vessels)
+    # What has no known kind is an item or a fixture with a door, by its size; a vase is small.
+    assert {key for key in vessels if not is_known(key)} == {"vase"}
 
 
 ENTRIES = {
