@@ -1,16 +1,18 @@
 """The estimate that guides the search for plans: how many subtasks a goal takes at least, from a state.
 
 It adds up what single literals need: a door that is to move, a thing that is to be picked up and put, the door in front
-of it, and a hand that has to be free for it.
+of it, and a hand that has to be free for it. What one primitive of an own domain may do at once is not added.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from math import ceil
 
-from oag.model.symbols import HAND, Condition, Fact, held_by
+import bddl
+from oag.model.domain import ROBOT_WORDS, Domain, Row
+from oag.model.symbols import GRIPPER, HAND, Condition, Fact, held_by
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import View
 from oag.primitives.table import Context
@@ -22,13 +24,13 @@ class Estimate:
     Args:
         goals: Literals of each way.
         context: What can be open, and who may carry whom; None where nothing can be done.
-        written: The most facts of a predicate that one primitive of an own domain writes.
+        domain: Its own primitives may write what the 21 write as well.
     """
 
-    def __init__(
-        self, goals: Sequence[tuple[Condition, ...]], context: Context | None, written: Mapping[str, float]
-    ) -> None:
-        self._goals, self._written = goals, written
+    def __init__(self, goals: Sequence[tuple[Condition, ...]], context: Context | None, domain: Domain) -> None:
+        self._goals, self._written = goals, domain.written
+        handling = [row for row in domain.rows.values() if any(map(_is_handled, row.writes))]
+        self._rows_handle, self._rows_only_put = bool(handling), all(map(_only_puts, handling))
         self._articulated = () if context is None else context.articulated
         self._carriers: dict[str, list[Fact]] = {}
         if context is not None:
@@ -61,10 +63,11 @@ class Estimate:
         picks = sum(item != held for item in put)
         total = doors + picks + sum(put.values()) + redo + put_down + max(0, left_in_hand - 1)
         others = self._others(unmet)
-        # A primitive of an own domain may put down what is held.
-        if held is not None and held not in put and total and not others:
+        if not self._rows_only_put:
+            return max(min(total, 1), others)
+        if held is not None and held not in put and total:
             total += 1
-        return total + others
+        return max(total, others) if self._rows_handle else total + others
 
     def _others(self, unmet: Sequence[Condition]) -> int:
         """Return how many primitives of an own domain are needed at least for what the 21 do not change."""
@@ -107,3 +110,20 @@ class Estimate:
     @staticmethod
     def _shut(state: View, doors: Collection[str]) -> set[str]:
         return {door for door in doors if state.value(("open", door)) is not True}
+
+
+def _is_handled(literal: bddl.Literal) -> bool:
+    """Decide whether the 21 change an atom as well: a door, where a thing is, or the hand."""
+    predicate = literal.atom.predicate
+    return predicate in ("open", *RESTING) or (predicate in ROBOT_WORDS and ROBOT_WORDS[predicate][1] == HAND)
+
+
+def _only_puts(row: Row) -> bool:
+    """Decide whether a row does no more than to put what is held onto something, one subtask of the 21 as well."""
+    needed = (literal for need in row.needs for literal in bddl.literals(need) or () if literal.value)
+    held = {each.atom.args[0] for each in needed if each.atom.predicate == "inside" and each.atom.args[1] == GRIPPER}
+    return all(
+        predicate in ROBOT_WORDS or (atom.args[0] in held and not (value and predicate == "inside"))
+        for atom, value in filter(_is_handled, row.writes)
+        for predicate in (atom.predicate,)
+    )

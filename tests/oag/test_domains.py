@@ -441,3 +441,41 @@ def test_a_plan_counts_what_a_row_writes_once_and_what_no_choice_of_objects_writ
     assert planned.task is not None and len(planned.task.subtasks) == 2
     refused = oag.plan(here, "(nextto table_0 drawer_0)").refusal
     assert refused is not None and refused.code == "impossible" and "no primitive brings it about" in refused.problem
+
+
+_SLIDE = {
+    "objects": [["?thing", "item"], ["?to", "support"], ["?from", "support"]],
+    "needs": ["(handempty)", "(near ?to)", "(ontop ?thing ?from)"],
+    "writes": ["(ontop ?thing ?to)", "(not (ontop ?thing ?from))", "(nextto ?thing ?from)"],
+    "flow": [18, "SLIDE"],
+}
+
+
+@pytest.mark.parametrize(
+    ("rows", "longer", "shorter", "steps"),
+    [
+        # Each thing that is put down is next to the cup by the same subtask.
+        (
+            {},
+            "(ontop apple drawer) (ontop egg drawer) (open drawer)",
+            "(ontop apple table) (ontop egg table) (nextto apple cup) (nextto cup apple) (nextto egg cup)",
+            4,
+        ),
+        # One row does what takes two of the 21.
+        (
+            {"SLIDE": _SLIDE},
+            "(open drawer) (open cabinet) (open fridge)",
+            "(ontop apple table) (ontop egg table) (not (ontop egg shelf))",
+            2,
+        ),
+    ],
+)
+def test_a_plan_is_shortest_where_a_row_writes_what_the_21_write(
+    rows: Any, longer: str, shorter: str, steps: int
+) -> None:
+    domain = oag.Domain.from_json({**NEXT_TO.to_json(), "primitives": rows or NEXT_TO.to_json()["primitives"]})
+    things = {name: name for name in ["apple", "egg", "cup", "table", "drawer", "shelf", "cabinet", "fridge"]}
+    here = oag.scene(things, ["(ontop apple shelf)", "(ontop egg shelf)", "(ontop cup table)"], "all", domain=domain)
+    planned = oag.plan(here, f"(or (and {longer}) (and {shorter}))")
+    assert planned.task is not None, planned.refusal
+    assert len(planned.task.subtasks) == steps and confirmed(planned.report)
