@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bddl.ast import And, Atom, Formula, literals
+from bddl.diagnostics import BDDLError
 from bddl.dialects import Profile
 from bddl.errors import FormulaTooLarge
 from bddl.evaluation import evaluate
 from bddl.grounding import GroundNode, PairSemantics, check_pair_semantics, children, count_ground_parts, ground
-from bddl.parser import read_formula
+from bddl.parser import check, read_formula
 from bddl.problem import Objects, categories_of
 from bddl.smt import DEFAULT_TIMEOUT_MS, Script, Solver, SolverAnswer
 
@@ -65,6 +66,7 @@ def equivalent(
         timeout_ms: The most time that the solver may take [ms].
 
     Raises:
+        BDDLError: A text is not legal, or a goal names objects that the scene lacks.
         FormulaTooLarge: The goals have too many parts once their quantifiers are expanded.
         SolverMissing: The question needs z3, which is not installed.
 
@@ -82,6 +84,7 @@ def equivalent(
     check_pair_semantics(pairs)
     first, second = read_formula(goal_a, profile), read_formula(goal_b, profile)
     objects = categories_of(scene)
+    _check_names((first, second), profile, objects)
     if _are_alike(first, second):
         return Equivalence(True)
     size = count_ground_parts(And((first, second)), objects, MOST_PARTS)
@@ -105,6 +108,13 @@ def equivalent(
     if parts[0] is parts[-1]:
         return Equivalence(True)
     return _by_solver(parts, grounded.atoms, distinguished, timeout_ms)
+
+
+def _check_names(goals: Sequence[Formula], profile: str | Profile, objects: Mapping[str, str]) -> None:
+    found = (each for goal in goals for each in check(goal, profile, objects))
+    unknown = {each.message: each for each in found if each.code == "unknown-object" and each.severity == "error"}
+    if unknown:
+        raise BDDLError(unknown.values())
 
 
 def _by_solver(

@@ -150,7 +150,9 @@ class Counted:
         graph = compose(task, scene=scene)
         found.verdict = graph.verify().verdict.value
         found.form = json.dumps([(part.target, str(part.goal)) for part in canonical(task).subtasks])
-        found.as_asked = bool(bddl.equivalent(task.goal, goal, scene.categories))
+        # A goal that nobody has checked may name what is not there.
+        with suppress(bddl.BDDLError):
+            found.as_asked = bool(bddl.equivalent(task.goal, goal, scene.categories))
         if execute and (way == FREE or found.verdict == Verdict.PROVED.value):
             asked = replace(task, goal=goal)
             world = scene.with_scales(task.scales)

@@ -2,8 +2,7 @@
 
 Out, a scene and a goal become a grounded domain and its problem: the rows of the primitives for every target, support
 and place that plans may have. A predicate that can be unknown becomes two, `p` for "known to hold" and `not-p` for
-"known not to hold", so that a plan of any STRIPS planner is one that `verify` follows. In, a lifted domain becomes an
-own domain without the 21 primitives, and its problem a scene that is known completely, with its goal.
+"known not to hold", so that a plan of any STRIPS planner is one that `verify` follows. In: `oag.pddl_reading`.
 
 Source: Fox and Long, PDDL2.1 (JAIR 2003), level 1; Palacios and Geffner, Compiling Uncertainty Away (JAIR 2009) for
 the two predicates (their K_0); docs/semantics.md, Own domains.
@@ -16,16 +15,15 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain, count, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import bddl
 from oag.acting import effect_literals, own_subtask, own_subtasks
 from oag.compilation import articulated_ids
 from oag.model.actions import Action
-from oag.model.diagnostics import OagError
-from oag.model.domain import ANY_WORD, KINDS, THING, Domain, Own, bound, marked, own_of
+from oag.model.domain import KINDS, THING, Own, bound, marked, own_of
 from oag.model.reading import formula_of
-from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject
+from oag.model.scene import Scene
 from oag.model.symbols import (
     ARTICULATIONS,
     EEF,
@@ -47,6 +45,9 @@ from oag.model.symbols import (
     holding,
     takes_things,
 )
+from oag.pddl_reading import REQUIREMENTS as REQUIREMENTS
+from oag.pddl_reading import PddlError as PddlError
+from oag.pddl_reading import read as read
 from oag.planning import scales_of
 from oag.primitives.cargo import Carriage, is_place
 from oag.primitives.state import carriage_in, scene_facts, start_state
@@ -54,23 +55,8 @@ from oag.primitives.table import NAVIGATION, Clause, Context, Placement, Rows, o
 from oag.sizes import TO_THE_AIM, Gripper
 from oag.task_definition import SimpleTask, Task
 
-REQUIREMENTS = (":strips", ":typing", ":negative-preconditions")
-"""What is written, and read."""
 _MOST_ACTIONS, _MOST_VARIANTS = 20_000, 64
-_WORDS = re.compile(r"[()]|[^\s()]+")
 _NOTHING: bddl.Formula = bddl.And(())
-
-
-class PddlError(OagError):
-    """Something cannot be expressed in STRIPS with negative preconditions.
-
-    Attributes:
-        refused: What it is, a name each.
-    """
-
-    def __init__(self, refused: Iterable[str]) -> None:
-        self.refused = tuple(dict.fromkeys(refused))
-        super().__init__(f"PDDL: not in STRIPS with negative preconditions: {'; '.join(self.refused)}")
 
 
 class Part(NamedTuple):
@@ -484,127 +470,3 @@ def _lifted_texts(scene: Scene, goal: bddl.Formula) -> tuple[str, str]:
 
 def _literals_of(formulas: Iterable[bddl.Formula]) -> Iterator[bddl.Literal]:
     return (literal for formula in formulas for literal in bddl.literals(formula) or ())
-
-
-def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
-    """Return the scene and the goal of a PDDL problem; the scene's domain has the actions as its primitives.
-
-    Letters are read in lower case, as PDDL does; names of actions become capitals.
-
-    Raises:
-        PddlError: Something that is not STRIPS with types and negative preconditions, by name.
-        bddl.BDDLError: A text is no PDDL.
-
-    Example:
-        >>> domain = "(define (domain d) (:predicates (on ?x)) (:action go :parameters (?x) :effect (on ?x)))"
-        >>> scene, goal = read(domain, "(define (problem p) (:domain d) (:objects a) (:init) (:goal (on a)))")
-        >>> scene.domain, scene.facts
-        (<Domain 'd': GO>, ())
-    """
-    refused = [part for part in _SECTIONS if re.search(rf"\(\s*{part}\b", domain_text, re.IGNORECASE)]
-    if refused:
-        raise PddlError(refused)
-    pddl = bddl.parse_domain(domain_text)
-    refused = [need for need in pddl.requirements if need not in REQUIREMENTS]
-    if refused:
-        raise PddlError(refused)
-    problem = bddl.parse(f"{domain_text}\n{problem_text}", profile="auto")
-    if not isinstance(problem, bddl.Problem):
-        raise PddlError(["a problem of another language"])
-    rows = [_read_action(each.text.lower()) for each in pddl.actions]
-    names = [name for name, _ in rows]
-    alike = [f"two actions {name}, whose names differ in signs alone" for name in names if names.count(name) > 1]
-    if alike:
-        raise PddlError(alike)
-    types = {item.name: item.category for item in pddl.types if item.category != THING}
-    categories = dict.fromkeys((THING, *(item.name for item in pddl.types), *problem.categories.values()))
-    domain = Domain.from_json(
-        {
-            "name": pddl.name,
-            "inherits": False,
-            "predicates": {each.name: [b.variable for b in each.parameters] for each in pddl.predicates},
-            "kinds": dict.fromkeys(categories, "support"),
-            "types": types,
-            "primitives": dict(rows),
-        },
-        f"(domain {pddl.name})",
-    )
-    things = {
-        key: SceneObject(key, category, category, NO_BOX, (1.0, 0.0, 0.0, 0.0), NO_BOX)
-        for key, category in problem.categories.items()
-    }
-    facts: Any = tuple(each for each in problem.init if isinstance(each, bddl.Atom))
-    closed = frozenset(domain.predicates)
-    return Scene(problem.name, RobotPose(), things, facts, closed, domain=domain), problem.goal
-
-
-_SECTIONS = (":constants", ":functions", ":derived", ":durative-action", ":axiom")
-
-
-def _read_action(text: str) -> tuple[str, dict[str, object]]:
-    """Return the name and the row of an action."""
-    # These variables have a meaning in rows.
-    form = _nested(re.sub(rf"\?({ANY_WORD}|{GRIPPER})(?=[\s()])", r"?the-\1", text))
-    name, fields = str(form[1]), dict(zip(form[2::2], form[3::2], strict=False))
-    refused = [f"{name}: {key}" for key in fields if key not in (":parameters", ":precondition", ":effect")]
-    objects = list(_typed(fields.get(":parameters", []), name))
-    refused += [] if objects else [f"{name}: an action without parameters"]
-    needs = list(_literals(fields.get(":precondition", []), name, refused))
-    writes = list(_literals(fields.get(":effect", []), name, refused))
-    if refused:
-        raise PddlError(refused)
-    return name.upper().replace("-", "_"), {"objects": objects, "needs": needs, "writes": writes}
-
-
-def _nested(text: str) -> Any:
-    """Return a text of parentheses as nested lists of words."""
-    open_forms: list[list[Any]] = [[]]
-    for word in _WORDS.findall(text):
-        if word == "(":
-            open_forms.append([])
-        elif word == ")" and len(open_forms) > 1:
-            form = open_forms.pop()
-            open_forms[-1].append(form)
-        else:
-            open_forms[-1].append(word)
-    return open_forms[0][0]
-
-
-def _typed(words: list[Any], name: str) -> Iterator[tuple[str, str]]:
-    waiting: list[str] = []
-    rest = iter(words)
-    for word in rest:
-        if word == "-":
-            kind = next(rest, THING)
-            if not isinstance(kind, str):
-                raise PddlError([f"{name}: (either ...)"])
-            yield from ((each, kind) for each in waiting)
-            waiting = []
-        else:
-            waiting.append(word)
-    yield from ((each, THING) for each in waiting)
-
-
-def _literals(form: list[Any], name: str, refused: list[str]) -> Iterator[str]:
-    """Yield the literals of a conjunction; what is none is added to what is refused."""
-    if not form:
-        return
-    head, *rest = form
-    if not isinstance(head, str):
-        refused.append(f"{name}: a list where a literal is expected")
-    elif head == "and":
-        for part in rest:
-            yield from _literals(part, name, refused)
-    elif head == "not" and len(rest) == 1 and _plain(rest[0]):
-        yield f"(not ({' '.join(rest[0])}))"
-    elif head in _FORMS or not all(isinstance(word, str) for word in rest):
-        refused.append(f"{name}: ({head} ...)")
-    else:
-        yield f"({' '.join(form)})"
-
-
-def _plain(form: object) -> bool:
-    return isinstance(form, list) and all(isinstance(w, str) for w in form) and bool(form) and form[0] not in _FORMS
-
-
-_FORMS = frozenset(["and", "or", "not", "imply", "forall", "exists", "when", "=", "increase", "decrease", "assign"])

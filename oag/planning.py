@@ -272,7 +272,8 @@ class _Planning:
         for _ in range(_MOST_REJECTED):
             allowed = [operator for operator in operators if _key(operator.subtask) not in banned]
             kept = [operator if _key(operator.subtask) not in banned else None for operator in given]
-            estimate = Estimate(goals, compiled[0].context if compiled else None, self.scene.domain)
+            context, usable = compiled[0].context if compiled else None, [each.subtask for each in allowed]
+            estimate = Estimate(goals, context, self.scene.domain, () if self.repairs else usable)
             found, complete_search = self._search(origin, allowed, kept, estimate)
             if found is None:
                 return self._refused(self._why_none(complete_search, report, goals, origin), report)

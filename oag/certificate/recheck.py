@@ -133,7 +133,8 @@ def recheck(
 def _other_domain(data: Mapping[str, Any], domain: Domain) -> str:
     if (domain.built_in and "domain" not in data) or data["library_sha"] == library_sha(domain):
         return ""
-    return f"it is about another domain than {domain.name}"
+    theirs = domain_of(data)
+    return f"it is about another domain than {domain.name_apart_from(theirs)}: {theirs.name_apart_from(domain)}"
 
 
 def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:

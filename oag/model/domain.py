@@ -333,6 +333,10 @@ class Domain:
         """SHA-256 of what the domain adds to the 21 primitives, or has without them."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
 
+    def name_apart_from(self, other: Domain) -> str:
+        """Return its name, with the beginning of its digest where another domain has the same name."""
+        return self.name if self.name != other.name else f"{self.name} ({self.digest[:8]})"
+
     @property
     def built_in(self) -> bool:
         """True when it is the domain without anything of its own."""

@@ -409,7 +409,8 @@ def domain_for(document: Document, form: SceneForm, domain: Domain = BUILT_IN) -
     own = Domain.from_json(form.domain, f"in {document.source}")
     if domain.built_in or own == domain:
         return own
-    raise document.fail(("domain",), f"is the domain {own.name}, and another one was given: {domain.name}")
+    given = domain.name_apart_from(own)
+    raise document.fail(("domain",), f"is the domain {own.name_apart_from(domain)}, and another one was given: {given}")
 
 
 def robot_of(form: RobotForm) -> RobotPose:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 import bddl
 from bddl import equivalence
 
-SCENE = {"cup_0": "cup", "cup_1": "cup", "box_0": "box", "box_1": "box"}
+SCENE = {"cup_0": "cup", "cup_1": "cup", "box_0": "box", "box_1": "box", "x": "plate", "y": "plate"}
 names = st.sampled_from(("cup_0", "box_0", "x", "y"))
 leaves = st.one_of(
     st.builds(lambda name: bddl.Atom("open", (name,)), names),
@@ -103,7 +104,19 @@ def test_a_state_tells_goals_apart() -> None:
     assert bddl.equivalent(one, any_number, {"cup_0": "cup"})
     answer = bddl.equivalent("(and (open cup_0) (open cup_1))", any_number, SCENE)
     assert answer.state == {bddl.Atom("open", ("cup_0",)): True, bddl.Atom("open", ("cup_1",)): False}
-    assert bddl.equivalent("(cooked ?apple.n.01_1)", "(not (not (cooked apple.n.01_1)))", {})
+    apple = {"apple.n.01_1": "apple.n.01"}
+    assert bddl.equivalent("(cooked ?apple.n.01_1)", "(not (not (cooked apple.n.01_1)))", apple)
+
+
+@pytest.mark.parametrize("written", [str, bddl.parse_formula])
+def test_objects_that_the_scene_lacks_are_reported_once_each(written: Callable[[str], bddl.Formula | str]) -> None:
+    wrong = written("(and (open cup_7) (ontop cup_7 tray_0))")
+    for pair in ((wrong, "(open cup_0)"), ("(open cup_0)", wrong), (wrong, wrong)):
+        with pytest.raises(bddl.BDDLError) as raised:
+            bddl.equivalent(*pair, SCENE)
+        assert [found.code for found in raised.value.diagnostics] == ["unknown-object"] * 2
+        assert raised.value.first_hint == "did you mean cup_0 or cup_1?" and "tray_0" in str(raised.value)
+    assert bddl.equivalent("(ontop cup_0 gripper)", "(or (ontop cup_0 gripper))", SCENE)
 
 
 def test_simple_differences_are_found_without_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:

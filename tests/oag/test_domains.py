@@ -10,7 +10,7 @@ from datetime import date
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import bddl
@@ -21,6 +21,8 @@ from oag.model.actions import flow_to_json
 from oag.model.diagnostics import RecordError
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
+from oag.model.symbols import Kind
+from oag.planning_estimate import Estimate
 from oag.revision import Attempt, Critique, History, Revision, admissible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
@@ -102,6 +104,9 @@ def test_a_certificate_is_of_its_domain_alone() -> None:
     loose = oag.Domain.from_json(data["domain"])
     forged = oag.compose(oag.task(kitchen(loose), goal="(nextto apple_0 cup_0)", steps=STEPS)).verify()
     assert oag.recheck(forged.certificate) and not oag.recheck(forged.certificate, scene=here)
+    mine, theirs = (f"next_to ({domain.digest[:8]})" for domain in (NEXT_TO, loose))
+    result = oag.recheck(forged.certificate, domain=NEXT_TO)
+    assert result.reason == f"it is about another domain than {mine}: {theirs}"
     row["objects"].reverse()
     assert oag.Domain.from_json(data["domain"]).digest != loose.digest
 
@@ -113,6 +118,10 @@ def test_a_scene_s_json_has_its_domain_and_no_other_is_accepted() -> None:
     other = replace(NEXT_TO, name="other")
     with pytest.raises(oag.SceneError, match="next_to, and another one was given: other"):
         oag.Scene.from_json(data, other)
+    namesake = replace(NEXT_TO, kinds={"lamp": Kind.ITEM})
+    with pytest.raises(oag.SceneError) as caught:
+        oag.Scene.from_json(data, namesake)
+    assert all(f"next_to ({domain.digest[:8]})" in str(caught.value) for domain in (NEXT_TO, namesake))
     data["domain"]["primitives"]["PUSH"]["needs"] = ["(flies ?thing)"]
     with pytest.raises(DomainError, match="flies"):
         oag.Scene.from_json(data)
@@ -276,6 +285,36 @@ def test_what_is_no_strips_is_refused_by_name(change: str, refused: str) -> None
     with pytest.raises(pddl.PddlError) as caught:
         pddl.read(domain.format(change if first else "", "" if first else change), problem)
     assert refused in caught.value.refused
+
+
+_TYPED = """(define (domain d) (:types mug - cup cup table)
+    (:predicates (full ?x - cup) (on ?x - cup ?t - table) (by ?x ?y))
+    (:action put :parameters (?x - cup ?t - table) :precondition (full ?x) :effect (on ?x ?t)))"""
+_TYPED_PROBLEM = """(define (problem e) (:domain d) (:objects c - cup m - mug t - table)
+    (:init (full c)
+           {})
+    (:goal {}))"""
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "refused"),
+    [
+        ("(full t)", "(on c t)", "line 3, column 12: (full t): t is table, and cup is expected (c, m)"),
+        ("(full gripper)", "(on c t)", "line 3, column 12: (full gripper): gripper is object, and cup"),
+        ("", "(and (full m) (on c m))", "line 4, column 26: (on c m): m is mug, and table is expected (t)"),
+        ("", "(forall (?c - table) (full ?c))", "line 4, column 33: (full ?c): c is table, and cup"),
+    ],
+)
+def test_atoms_have_the_types_of_their_predicates(start: str, goal: str, refused: str) -> None:
+    with pytest.raises(pddl.PddlError) as caught:
+        pddl.read(_TYPED, _TYPED_PROBLEM.format(start, goal))
+    assert len(caught.value.refused) == 1 and caught.value.refused[0].startswith(refused)
+
+
+def test_a_goal_that_is_read_keeps_quantifiers_and_alternatives() -> None:
+    for goal, steps in (("(forall (?x - cup) (on ?x t))", 2), ("(and (by m t) (or (on c t) (on m t)))", 1)):
+        planned = oag.plan(*pddl.read(_TYPED, _TYPED_PROBLEM.format("(full m) (by m t)", goal)))
+        assert planned.task is not None and len(planned.task.subtasks) == steps and confirmed(planned.report)
 
 
 def test_what_cannot_be_exported_is_refused_by_name() -> None:
@@ -479,3 +518,86 @@ def test_a_plan_is_shortest_where_a_row_writes_what_the_21_write(
     planned = oag.plan(here, f"(or (and {longer}) (and {shorter}))")
     assert planned.task is not None, planned.refusal
     assert len(planned.task.subtasks) == steps and confirmed(planned.report)
+
+
+_DONE: dict[str, Any] = {
+    "WIPE": (["?thing - item", "?cloth - towel"], ["(inside ?cloth gripper)", "(near ?thing)"], ["(clean ?thing)"]),
+    "POUR": (
+        ["?to - cup", "?from - kettle"],
+        ["(inside ?from gripper)", "(full ?from)", "(clean ?to)"],
+        ["(full ?to)", "(not (full ?from))"],
+    ),
+    "HEAT": (["?thing - item", "?oven - oven"], ["(inside ?thing ?oven)", "(not (open ?oven))"], ["(hot ?thing)"]),
+}
+
+
+def _of_rows(rows: dict[str, Any], things: dict[str, str], facts: list[str]) -> oag.Scene:
+    primitives = {
+        name: {"objects": dict(each.split(" - ") for each in objects), "needs": needs, "writes": writes}
+        for name, (objects, needs, writes) in rows.items()
+    }
+    predicates = {"clean": ["a"], "full": ["a"], "wet": ["a"]}
+    domain = oag.Domain.from_json({"name": "rows", "predicates": predicates, "primitives": primitives})
+    return oag.scene(things, facts, "all", domain=domain)
+
+
+def test_what_rows_need_guides_the_search() -> None:
+    furniture = {"table_0": "table", "shelf_0": "shelf", "cabinet_0": "cabinet", "oven_0": "oven"}
+    things = {**furniture, "kettle_0": "kettle", "cup_0": "cup", "cup_1": "cup", "towel_0": "towel", "apple_0": "apple"}
+    on_table = [f"(ontop {name} table_0)" for name in ("cup_1", "kettle_0", "apple_0")]
+    here = _of_rows(
+        _DONE, things, [*on_table, "(inside cup_0 cabinet_0)", "(ontop towel_0 shelf_0)", "(full kettle_0)"]
+    )
+    planned = oag.plan(here, "(and (hot cup_0) (full cup_0))")
+    assert planned.task is not None and len(planned.task.subtasks) == 11 and planned.states < 500
+
+
+_PLACES = ("(inside ?a ?o)", "(ontop ?a ?t)", "(inside ?b ?o)", "(inside ?b gripper)", "(inside ?a gripper)")
+_STATES = ("(wet ?a)", "(wet ?b)", "(clean ?a)", "(hot ?a)", "(hot ?b)")
+_NEEDS = (*_PLACES, *_STATES, "(not (wet ?a))", "(open ?o)", "(not (open ?o))", "(handempty)", "(or (wet ?a) (hot ?b))")
+# What the 21 write as well.
+_HANDLED = ("(handempty)", "(ontop ?a ?t)", "(open ?o)", "(inside ?a ?o)", "(not (inside ?b ?any))")
+_ROWS = st.tuples(
+    st.just(["?a - item", "?b - item", "?o - fixture", "?t - support"]),
+    st.lists(st.sampled_from(_NEEDS), max_size=3, unique=True),
+    st.lists(st.sampled_from((*_STATES, *_HANDLED)), min_size=1, max_size=2, unique=True),
+)
+_ENDS = [f"({word} {name})" for word in ("wet", "clean", "hot") for name in ("apple_0", "book_0")]
+_PUT = st.sampled_from(["(ontop {} table_0)", "(inside {} oven_0)", "(inside {} gripper)"])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(_ROWS, min_size=1, max_size=4),
+    st.tuples(_PUT, st.sampled_from(["(ontop {} table_0)", "(inside {} oven_0)"])),
+    st.lists(st.sampled_from([*_ENDS, "(open oven_0)"]), max_size=2, unique=True),
+    st.lists(
+        st.sampled_from([*_ENDS, "(not (open oven_0))", "(inside apple_0 oven_0)", "(ontop book_0 table_0)"]),
+        min_size=1,
+        max_size=3,
+    ),
+)
+@example(
+    # One step for two parts of a goal.
+    [(["?a - item"], [], ["(wet ?a)", "(clean ?a)"])],
+    ("(ontop {} table_0)", "(ontop {} table_0)"),
+    [],
+    ["(wet apple_0)", "(clean apple_0)"],
+)
+def test_the_estimate_is_at_most_the_length_that_a_search_without_it_finds(
+    rows: list[Any], places: tuple[str, str], states: list[str], ends: list[str]
+) -> None:
+    things = {"apple_0": "apple", "book_0": "book", "oven_0": "oven", "table_0": "table"}
+    facts = [*states, *(place.format(name) for place, name in zip(places, things, strict=False))]
+    here = _of_rows({f"DO{number}": row for number, row in enumerate(rows)}, things, facts)
+    estimates: list[int] = []
+
+    def none(self: Estimate, state: Any) -> int:
+        estimates.append(estimate_of(self, state))
+        return 0
+
+    estimate_of = Estimate.of
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Estimate, "of", none)
+        shortest = oag.plan(here, f"(and {' '.join(ends)})")
+    assert shortest.task is None or max(estimates[:1], default=0) <= len(shortest.task.subtasks)
