@@ -269,8 +269,8 @@ def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
             continue
         item, place = atom.args
         others = [bddl.Atom("inside", (item, name)) for name in scene.objects if name != item]
-        meant = [bddl.Atom("inside", (item, GRIPPER))] if place in (ROBOT, GRIPPER) else [bddl.Atom("ontop", atom.args)]
-        for rank, other in enumerate((*meant, *(other for other in others if kind_problem(other, scene) is None))):
+        meant = bddl.Atom("inside", (item, GRIPPER)) if place in (ROBOT, GRIPPER) else bddl.Atom("ontop", atom.args)
+        for rank, other in enumerate(other for other in (meant, *others) if kind_problem(other, scene) is None):
             words = f"write {bddl.format(other)} instead of {bddl.format(atom)}"
             edits = tuple(_rewriting(task, atom, other))
             yield Candidate(Cost.FORM, "change-condition", words, edits, index, rank=rank)
