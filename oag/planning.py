@@ -26,7 +26,7 @@ from oag.compilation import CompiledSubtask, compile_plan, facts_read, literals_
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
-from oag.model.diagnostics import TaskError
+from oag.model.diagnostics import SceneError, TaskError
 from oag.model.domain import bound, own_of
 from oag.model.reading import facts_of, formula_of
 from oag.model.scene import FLOOR, Scene
@@ -51,7 +51,7 @@ from oag.sizes import TO_THE_AIM, Gripper, Sizing
 from oag.task_definition import SimpleTask, Task, chosen_scene, required_scene
 from oag.verify.fix_subtasks import closing, opening, picking, placing
 from oag.verify.verify import Report, Verdict, verify
-from oag.wellformed import check
+from oag.wellformed import check, kind_problem
 
 MOST_TRIED = 8_000
 """Subtasks that one search follows: about two seconds. Long plans of large scenes take some hundreds."""
@@ -153,6 +153,7 @@ def plan(
 
     Raises:
         TaskError: The goal cannot be read, or names what the scene lacks.
+        SceneError: The facts of the scene contradict each other, or say what a kind excludes.
 
     Example:
         >>> import oag
@@ -241,6 +242,9 @@ class _Planning:
         self.sizing = sizing
         self.states, self.repairs = 0, bool(task.subtasks)
         self.form = check(replace(task, subtasks=()), scene)
+        unfit = next((each for each in self.form if each.field == "facts"), None)
+        if unfit is not None:
+            raise SceneError(unfit.message, source=scene.name, place="facts", hint=unfit.hint or "")
         wrong = next((each for each in self.form if each.code not in _NO_GOAL_CODES), None)
         if wrong is not None:
             raise TaskError(wrong.message, source="(argument)", place="goal", hint=wrong.hint or "")
@@ -269,7 +273,7 @@ class _Planning:
             allowed = [operator for operator in operators if _key(operator.subtask) not in banned]
             kept = [operator if _key(operator.subtask) not in banned else None for operator in given]
             context, usable = compiled[0].context if compiled else None, [each.subtask for each in allowed]
-            estimate = Estimate(goals, context, self.scene.domain.written, () if self.repairs else usable)
+            estimate = Estimate(goals, context, self.scene.domain, () if self.repairs else usable)
             found, complete_search = self._search(origin, allowed, kept, estimate)
             if found is None:
                 return self._refused(self._why_none(complete_search, report, goals, origin), report)
@@ -323,6 +327,9 @@ class _Planning:
         """Return why no primitive can make a literal hold that does not hold at the start; "" where one may."""
         predicate, *names = literal.atom.label
         objects, written = self.scene.objects, condition_of(literal.atom, literal.value)
+        problem = kind_problem(literal.atom, self.scene) if literal.value else None
+        if problem is not None:
+            return problem.message
         if any(written.grade(value) for fact, value in self._own_writes if overlap(fact, written.fact)):
             return ""
         if predicate not in ("open", *RESTING):

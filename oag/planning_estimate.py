@@ -2,7 +2,7 @@
 
 It adds up what single literals need: a door that is to move, a thing that is to be picked up and put, the door in front
 of it, and a hand that has to be free for it. What all rows of an own domain need that bring a literal about has to hold
-at some time, so it counts as well.
+at some time, so it counts as well. What one row may do at once is not added.
 
 Source: Hoffmann, Porteous and Sebastia, Ordered Landmarks in Planning (JAIR 2004), for such needs.
 """
@@ -10,11 +10,22 @@ Source: Hoffmann, Porteous and Sebastia, Ordered Landmarks in Planning (JAIR 200
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Sequence, Set
 from math import ceil
 
-from oag.model.domain import Bound, bound, own_of
-from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Condition, Fact, Primitive, held_by, overlap
+import bddl
+from oag.model.domain import ROBOT_WORDS, Bound, Domain, Row, bound, own_of
+from oag.model.symbols import (
+    ARTICULATIONS,
+    GRIPPER,
+    HAND,
+    ROBOT_FACTS,
+    Condition,
+    Fact,
+    Primitive,
+    held_by,
+    overlap,
+)
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import View
 from oag.primitives.table import Context
@@ -29,7 +40,7 @@ class Estimate:
     Args:
         goals: Literals of each way.
         context: What can be open, and who may carry whom; None where nothing can be done.
-        written: The most facts of a predicate that one primitive of an own domain writes.
+        domain: Its own primitives may write what the 21 write as well.
         subtasks: All subtasks that there are; () where others may be used, so that nothing follows from their rows.
     """
 
@@ -37,10 +48,12 @@ class Estimate:
         self,
         goals: Sequence[tuple[Condition, ...]],
         context: Context | None,
-        written: Mapping[str, float],
+        domain: Domain,
         subtasks: Iterable[SimpleTask] = (),
     ) -> None:
-        self._goals, self._written, self._rows = goals, written, _rows_of(subtasks)
+        self._goals, self._written, self._rows = goals, domain.written, _rows_of(subtasks)
+        handling = [row for row in domain.rows.values() if any(map(_is_handled, row.writes))]
+        self._rows_handle, self._rows_only_put = bool(handling), all(map(_only_puts, handling))
         self._reached: dict[Condition, tuple[Set[int], list[Condition]]] = {}
         # Where rows move doors or the hand, no other subtask may be needed for it.
         self._writes = {fact for row in self._rows for fact, _ in row.writes}
@@ -78,10 +91,11 @@ class Estimate:
         doors = len(moved) + sum(1 + (door in closed) for door in shut - moved)
         picks = sum(item != held for item in put)
         total = doors + picks + sum(put.values()) + redo + put_down + max(0, left_in_hand - 1)
-        # A primitive of an own domain may put down what is held.
-        if held is not None and held not in put and total and not others:
+        if not self._rows_only_put:
+            return max(min(total, 1), others)
+        if held is not None and held not in put and total and (self._rows_handle or not others):
             total += 1
-        return total + others
+        return max(total, others) if self._rows_handle else total + others
 
     def _ahead(self, state: View, unmet: list[Condition]) -> tuple[list[Condition], int]:
         """Return what has to hold at some time, and how many primitives of an own domain it takes at least."""
@@ -173,3 +187,20 @@ def _rows_of(subtasks: Iterable[SimpleTask]) -> list[Bound]:
             return []
         rows += [bound(own, subtask.target, subtask.support_goal) for own in owns]
     return rows
+
+
+def _is_handled(literal: bddl.Literal) -> bool:
+    """Decide whether the 21 change an atom as well: a door, where a thing is, or the hand."""
+    predicate = literal.atom.predicate
+    return predicate in ("open", *RESTING) or (predicate in ROBOT_WORDS and ROBOT_WORDS[predicate][1] == HAND)
+
+
+def _only_puts(row: Row) -> bool:
+    """Decide whether a row does no more than to put what is held onto something, one subtask of the 21 as well."""
+    needed = (literal for need in row.needs for literal in bddl.literals(need) or () if literal.value)
+    held = {each.atom.args[0] for each in needed if each.atom.predicate == "inside" and each.atom.args[1] == GRIPPER}
+    return all(
+        predicate in ROBOT_WORDS or (atom.args[0] in held and not (value and predicate == "inside"))
+        for atom, value in filter(_is_handled, row.writes)
+        for predicate in (atom.predicate,)
+    )

@@ -19,7 +19,7 @@ from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
 from oag.model.domain import LAST_BUILT_IN, Own, own_of
-from oag.model.scene import FREE_PARAMETERS, ROBOT, Scene, SceneObject
+from oag.model.scene import FREE_PARAMETERS, OWN_NAMES, ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -190,10 +190,10 @@ def _check_scene(found: _Findings) -> None:
     literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
     broken, place = contradictions(literals), f"facts of scene {found.scene.name}"
     if broken is not None:
-        found.add("task/contradictory", broken, place, None)
+        found.add("task/contradictory", broken, place, None, field="facts")
     for atom, value in literals:
         if value:
-            _check_kind(found, atom, None, place, None)
+            _check_kind(found, atom, None, place, "facts")
 
 
 def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
@@ -256,7 +256,7 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     if binders:
         _check_size(found, formula, index, place, field)
     bound = frozenset(binder.variable for binder in binders)
-    affirmed = frozenset(affirmed_in(formula))
+    impossible = _impossible(found, formula)
     for atom in sorted(bddl.atoms(formula), key=str):
         predicates = found.scene.domain.predicates
         spec = predicates.get(atom.predicate)
@@ -271,8 +271,8 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
                     found.check_name(name, place, index, field)
-            # A denied impossible atom holds anyway; a formula that names the robot means the gripper.
-            if atom in affirmed or ROBOT in atom.args:
+            # A formula that puts something inside the robot means the gripper, even if it denies it.
+            if atom in impossible or (atom.predicate == "inside" and atom.args[1] == ROBOT):
                 _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
     # A goal that is read off the subtasks may ask for what cargo undoes: that is decided where the plan ends.
@@ -305,6 +305,25 @@ def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, plac
         )
 
 
+def _impossible(found: _Findings, formula: bddl.Formula) -> frozenset[bddl.Atom]:
+    """Return the affirmed atoms of the conjuncts that cannot hold because of what kinds exclude.
+
+    An alternative to something possible is no mistake: it is never taken.
+    """
+    scene = found.scene
+
+    def known(atom: bddl.Atom) -> bool | None:
+        return None if kind_problem(atom, scene) is None else False
+
+    def fails(part: bddl.Formula) -> bool:
+        if isinstance(part, bddl.Atom) or found.instances > MOST_INSTANCES:
+            return True
+        excluded = any(known(atom) is False for atom in bddl.atoms(part))
+        return excluded and bddl.evaluate(part, known, objects=scene.categories) is False
+
+    return frozenset(atom for part in bddl.conjuncts(formula) if fails(part) for atom in affirmed_in(part))
+
+
 def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str, field: str | None) -> None:
     problem = kind_problem(atom, found.scene)
     if problem is not None:
@@ -320,10 +339,13 @@ class KindProblem(NamedTuple):
 
 
 def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
-    """Decide whether an atom is impossible for a kind: `open` without a joint, or `inside` what has no inside."""
-    if atom.predicate == "open":
+    """Decide whether an atom is impossible for a kind: `open` without a joint, or `inside` what has no inside.
+
+    Nothing but `(inside item gripper)` can be said of the gripper, the robot and a ground that is not listed.
+    """
+    if atom.predicate == "open" and len(atom.args) == 1:
         thing = scene.objects.get(atom.args[0])
-        if atom.args[0] in (GRIPPER, ROBOT):
+        if thing is None and atom.args[0] in OWN_NAMES:
             message = f"{atom.args[0]} cannot be open: it is no object of the scene"
             return KindProblem(message, _openable(scene), ("kind", atom.args[0]))
         if thing is not None and thing.kind is not Kind.ARTICULATED:
@@ -333,14 +355,18 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
             message = f"nothing says that {thing.id} ({thing.category}) opens: its kind is a guess from its size"
             hint = f"if it has a door or a drawer, say so in the scene's facts: (not (open {thing.id}))"
             return KindProblem(message, hint, ("kind", thing.id))
-    elif atom.predicate == "inside" and len(atom.args) == 2:
-        if atom.args[1] == ROBOT:
-            hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
-            return KindProblem(f"nothing can be inside {ROBOT}", hint, ("inside", ROBOT))
-        thing = scene.objects.get(atom.args[1])
-        if thing is not None and not has_inside(thing.category):
+    elif atom.predicate in RESTING and len(atom.args) == 2:
+        name, place = atom.args
+        thing = scene.objects.get(place)
+        if place == ROBOT or (place == GRIPPER and atom.predicate == "ontop"):
+            hint = f"the hand is called {GRIPPER}: (inside {name} {GRIPPER})"
+            return KindProblem(f"nothing can be {atom.predicate} {place}", hint, (atom.predicate, place))
+        if name in OWN_NAMES and name not in scene.objects:
+            message = f"{name} cannot be {atom.predicate} {place}: {name} is no object of the scene"
+            return KindProblem(message, "", ("kind", name))
+        if atom.predicate == "inside" and thing is not None and not has_inside(thing.category):
             message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
-            hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
+            hint = f"what is on it is (ontop {name} {thing.id})"
             return KindProblem(message, hint, ("inside", thing.id))
     return None
 

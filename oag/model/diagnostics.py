@@ -143,8 +143,8 @@ class Diagnostic:
         dependent: How many later failures follow from this one and are not reported.
         also: Other errors that the fixes of this one remove too, each with its place; only in `report.findings`.
         fixes: Verified repairs, in words; only in `report.findings`, not in `report.diagnostics`.
-        field: The condition that it is in, "init" or "goal"; None when it is in none. This and the next fields serve
-            repairs and are not in the JSON.
+        field: What it is in: "init", "goal" or the scene's "facts"; else None. This and the next fields serve repairs
+            and are not in the JSON.
         about: What distinguishes it from others of its code, such as the unknown name.
         meant: Numbers of the primitives that an unknown one may stand for, the likeliest first.
     """

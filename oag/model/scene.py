@@ -31,7 +31,7 @@ FLOOR = "floor"
 """Id and category of the floor, where a scene lists it."""
 
 # Names that facts may use in addition to the scene's objects.
-_OWN_NAMES = ("gripper", "robot", "ground", FLOOR)
+OWN_NAMES = ("gripper", "robot", "ground", FLOOR)
 # Names that formulas can have: no blank, no parenthesis, no `*`, which stands for any object.
 _OBJECT_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 # Limits: a building fits in, and the arithmetic of poses loses no digits.
@@ -289,8 +289,8 @@ def _write_object(thing: SceneObject) -> dict[str, object]:
 
 def id_problem(key: str, category: object) -> str:
     """Return why an object of a category cannot have an id: no formula can name it, or it is reserved; else ""."""
-    if key in _OWN_NAMES and not key == category == FLOOR:
-        own = f"{', '.join(_OWN_NAMES[:-1])} and {_OWN_NAMES[-1]}"
+    if key in OWN_NAMES and not key == category == FLOOR:
+        own = f"{', '.join(OWN_NAMES[:-1])} and {OWN_NAMES[-1]}"
         return f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise"
     if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
         return (
@@ -323,7 +323,7 @@ def read_facts(
 
     Each must be ground, of this scene, and not contradicted; raises SceneError otherwise. The source is for messages.
     """
-    known = (*objects, *_OWN_NAMES)
+    known = (*objects, *OWN_NAMES)
     values: dict[bddl.Atom, bool] = {}
     facts = []
     for index, text in enumerate(_listed(given, place, source)):

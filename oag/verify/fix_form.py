@@ -22,6 +22,7 @@ from oag.model.symbols import (
     parameter_kind,
     parameter_problem,
 )
+from oag.primitives.cargo import RESTING
 from oag.rewriting import rename_object, replace_atom, shortened_variants
 from oag.sizes import Gripper, scale_factor, too_small
 from oag.task_definition import Task
@@ -259,17 +260,17 @@ def _articulated_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
-    """Yield the candidates that replace an impossible `inside`: on the object, in another one, or in the hand."""
+    """Yield the candidates that replace an impossible place: on the object, in another one, or in the hand."""
     task, scene, index = mistake.task, mistake.scene, mistake.finding.subtask
     formulas = (task.goal,) if index is None else (task.subtasks[index].init, task.subtasks[index].goal)
     all_atoms = (atom for formula in formulas for atom in sorted(bddl.atoms(formula), key=str))
-    for atom in dict.fromkeys(atom for atom in all_atoms if atom.predicate == "inside"):
+    for atom in dict.fromkeys(atom for atom in all_atoms if atom.predicate in RESTING):
         if kind_problem(atom, scene) is None:
             continue
         item, place = atom.args
         others = [bddl.Atom("inside", (item, name)) for name in scene.objects if name != item]
-        meant = [bddl.Atom("inside", (item, GRIPPER))] if place == ROBOT else [bddl.Atom("ontop", atom.args)]
-        for rank, other in enumerate((*meant, *(other for other in others if kind_problem(other, scene) is None))):
+        meant = bddl.Atom("inside", (item, GRIPPER)) if place in (ROBOT, GRIPPER) else bddl.Atom("ontop", atom.args)
+        for rank, other in enumerate(other for other in (meant, *others) if kind_problem(other, scene) is None):
             words = f"write {bddl.format(other)} instead of {bddl.format(atom)}"
             edits = tuple(_rewriting(task, atom, other))
             yield Candidate(Cost.FORM, "change-condition", words, edits, index, rank=rank)

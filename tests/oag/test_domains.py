@@ -482,6 +482,44 @@ def test_a_plan_counts_what_a_row_writes_once_and_what_no_choice_of_objects_writ
     assert refused is not None and refused.code == "impossible" and "no primitive brings it about" in refused.problem
 
 
+_SLIDE = {
+    "objects": [["?thing", "item"], ["?to", "support"], ["?from", "support"]],
+    "needs": ["(handempty)", "(near ?to)", "(ontop ?thing ?from)"],
+    "writes": ["(ontop ?thing ?to)", "(not (ontop ?thing ?from))"],
+    "flow": [18, "SLIDE"],
+}
+
+
+@pytest.mark.parametrize(
+    ("rows", "longer", "shorter", "steps"),
+    [
+        # Each thing that is put down is next to the cup by the same subtask.
+        (
+            {},
+            "(ontop apple drawer) (ontop egg drawer) (open drawer)",
+            "(ontop apple table) (ontop egg table) (nextto apple cup) (nextto cup apple) (nextto egg cup)",
+            4,
+        ),
+        # One row does what takes two of the 21.
+        (
+            {"SLIDE": _SLIDE},
+            "(open drawer) (open cabinet) (open fridge) (open safe)",
+            "(ontop apple table) (ontop egg table) (ontop cup shelf)",
+            3,
+        ),
+    ],
+)
+def test_a_plan_is_shortest_where_a_row_writes_what_the_21_write(
+    rows: Any, longer: str, shorter: str, steps: int
+) -> None:
+    domain = oag.Domain.from_json({**NEXT_TO.to_json(), "primitives": rows or NEXT_TO.to_json()["primitives"]})
+    things = {name: name for name in ["apple", "egg", "cup", "table", "drawer", "shelf", "cabinet", "fridge", "safe"]}
+    here = oag.scene(things, ["(ontop apple shelf)", "(ontop egg shelf)", "(ontop cup table)"], "all", domain=domain)
+    planned = oag.plan(here, f"(or (and {longer}) (and {shorter}))")
+    assert planned.task is not None, planned.refusal
+    assert len(planned.task.subtasks) == steps and confirmed(planned.report)
+
+
 _DONE: dict[str, Any] = {
     "WIPE": (["?thing - item", "?cloth - towel"], ["(inside ?cloth gripper)", "(near ?thing)"], ["(clean ?thing)"]),
     "POUR": (
@@ -517,10 +555,12 @@ def test_what_rows_need_guides_the_search() -> None:
 _PLACES = ("(inside ?a ?o)", "(ontop ?a ?t)", "(inside ?b ?o)", "(inside ?b gripper)", "(inside ?a gripper)")
 _STATES = ("(wet ?a)", "(wet ?b)", "(clean ?a)", "(hot ?a)", "(hot ?b)")
 _NEEDS = (*_PLACES, *_STATES, "(not (wet ?a))", "(open ?o)", "(not (open ?o))", "(handempty)", "(or (wet ?a) (hot ?b))")
+# What the 21 write as well.
+_HANDLED = ("(handempty)", "(ontop ?a ?t)", "(open ?o)", "(inside ?a ?o)", "(not (inside ?b ?any))")
 _ROWS = st.tuples(
     st.just(["?a - item", "?b - item", "?o - fixture", "?t - support"]),
     st.lists(st.sampled_from(_NEEDS), max_size=3, unique=True),
-    st.lists(st.sampled_from(_STATES), min_size=1, max_size=2, unique=True),
+    st.lists(st.sampled_from((*_STATES, *_HANDLED)), min_size=1, max_size=2, unique=True),
 )
 _ENDS = [f"({word} {name})" for word in ("wet", "clean", "hot") for name in ("apple_0", "book_0")]
 _PUT = st.sampled_from(["(ontop {} table_0)", "(inside {} oven_0)", "(inside {} gripper)"])
@@ -531,7 +571,11 @@ _PUT = st.sampled_from(["(ontop {} table_0)", "(inside {} oven_0)", "(inside {} 
     st.lists(_ROWS, min_size=1, max_size=4),
     st.tuples(_PUT, st.sampled_from(["(ontop {} table_0)", "(inside {} oven_0)"])),
     st.lists(st.sampled_from([*_ENDS, "(open oven_0)"]), max_size=2, unique=True),
-    st.lists(st.sampled_from([*_ENDS, "(not (open oven_0))", "(inside apple_0 oven_0)"]), min_size=1, max_size=3),
+    st.lists(
+        st.sampled_from([*_ENDS, "(not (open oven_0))", "(inside apple_0 oven_0)", "(ontop book_0 table_0)"]),
+        min_size=1,
+        max_size=3,
+    ),
 )
 @example(
     # One step for two parts of a goal.

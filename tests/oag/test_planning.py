@@ -101,6 +101,9 @@ def test_from_every_moment_of_a_plan_its_rest_is_left(name: str) -> None:
         ("T1", "(open table_0)", "impossible", "no articulated fixture"),
         ("T1", "(open gripper)", "impossible", "no object of the scene"),
         ("T1", "(ontop gripper table_0)", "impossible", "no object of the scene"),
+        ("T1", "(ontop glass_0 gripper)", "impossible", "ontop gripper"),
+        ("T1", "(or (open table_0) (inside glass_0 table_0))", "impossible", "nothing can be inside table_0"),
+        ("T1", "(and (or (open glass_0) (open refrigerator_0)) (open table_0))", "impossible", "table_0"),
         ("T1", "(and (open refrigerator_0) (not (open refrigerator_0)))", "impossible", "open refrigerator_0"),
         ("05", "(exists (?p - plate) (inside ?p fridge_0))", "impossible", "plate_0 would be scaled"),
         ("03", "(and (inside bear_0 gripper) (inside book_0 gripper))", "impossible", ""),
@@ -131,9 +134,43 @@ def test_a_goal_that_cannot_be_read_is_misuse_with_what_can(goal: str, hint: str
     assert hint in str(raised.value)
 
 
-def test_what_is_denied_of_the_hand_holds_already() -> None:
-    made = oag.plan(scene_named("T1"), "(not (open gripper))")
-    assert made.task is not None and not made.task.subtasks
+@pytest.mark.parametrize(
+    ("goal", "steps"),
+    [
+        ("(not (open gripper))", 0),
+        ("(not (ontop robot table_0))", 0),
+        ("(imply (open refrigerator_0) (open table_0))", 0),
+        ("(or (open table_0) (open refrigerator_0))", 1),
+        ("(or (open gripper) (open refrigerator_0))", 1),
+        ("(or (ontop glass_0 gripper) (inside glass_0 table_0) (inside glass_0 gripper))", 1),
+    ],
+)
+def test_what_cannot_be_is_no_reason_to_refuse_another_way(goal: str, steps: int) -> None:
+    made = oag.plan(scene_named("T1"), goal)
+    assert made.task is not None and len(made.task.subtasks) == steps
+    assert made.report and oag.recheck(made.report.certificate)
+
+
+@pytest.mark.parametrize(
+    "fact",
+    [
+        "(open gripper)",
+        "(open table_0)",
+        "(ontop gripper table_0)",
+        "(inside robot refrigerator_0)",
+        "(ontop floor table_0)",
+        "(ontop glass_0 gripper)",
+    ],
+)
+def test_a_fact_that_cannot_be_is_the_fault_of_the_scene(fact: str) -> None:
+    task = task_named("T1")
+    with pytest.raises(oag.SceneError, match="facts: "):
+        oag.repair(task, [fact])
+    scene = replace(scene_named("T1"), facts=(bddl.parse_formula(fact),))
+    with pytest.raises(oag.SceneError, match="facts: "):
+        oag.plan(scene, "(open refrigerator_0)")
+    report = oag.compose(replace(task, scene=scene)).verify()
+    assert report.verdict is oag.Verdict.REFUTED and report.errors[0].code == "bddl/kind"
 
 
 @pytest.mark.parametrize("state", ["(ontop glass_0 table_0)", None, 3])
