@@ -7,6 +7,9 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 import bddl
 import llm
@@ -54,6 +57,11 @@ class Phrasing:
 def conjuncts(goal: bddl.Formula) -> frozenset[str]:
     """Return the conjuncts of a goal as texts."""
     return frozenset(map(bddl.format, bddl.conjuncts(goal)))
+
+
+def mostly_slow(phrasings: Iterable[Phrasing], every: int) -> list[Any]:
+    """Return parameters of a test, all of them slow but for one of so many."""
+    return [pytest.param(one, marks=pytest.mark.slow if k % every else ()) for k, one in enumerate(phrasings)]
 
 
 def outcome(phrasing: Phrasing) -> frozenset[str] | str:

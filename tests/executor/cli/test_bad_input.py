@@ -145,7 +145,7 @@ SETTINGS = ("train", "deep.toml", "--data", "d", "--out", "p")
 PLAN = ("generate", "deep.yaml", "--out", "g")
 
 
-@pytest.mark.parametrize("depth", [300, 100_000])
+@pytest.mark.parametrize("depth", [pytest.param(300, marks=pytest.mark.slow), 100_000])
 @pytest.mark.parametrize(
     ("head", "opening", "closing", "tail", "words"),
     [

@@ -7,14 +7,25 @@ from collections import Counter
 import pytest
 
 import llm
-from tests.llm.kitchens import FAMILIES, FIRST_WORDS, LATER, ORDINARY, PHRASINGS, SCENES, STRANGERS, Phrasing, outcome
+from tests.llm.kitchens import (
+    FAMILIES,
+    FIRST_WORDS,
+    LATER,
+    ORDINARY,
+    PHRASINGS,
+    SCENES,
+    STRANGERS,
+    Phrasing,
+    mostly_slow,
+    outcome,
+)
 
 
 def _name(phrasing: Phrasing) -> str:
     return f"{phrasing.scene}: {phrasing.query[:80]}"
 
 
-@pytest.mark.parametrize("phrasing", (*PHRASINGS, *STRANGERS, *ORDINARY), ids=_name)
+@pytest.mark.parametrize("phrasing", mostly_slow((*PHRASINGS, *STRANGERS, *ORDINARY), 3), ids=_name)
 def test_a_phrasing_is_taken_as_intended(phrasing: Phrasing) -> None:
     assert outcome(phrasing) == phrasing.wanted
 
