@@ -126,8 +126,7 @@ def install(packages: list[str]) -> None:
         SetUpFailed: when pip fails; its own words stand on the terminal by then.
     """
     moves, last, count = sys.stdout.isatty(), list[str](), 0
-    # Python compiles what it imports: a third of all files, where pip would take a minute for every one.
-    command = pip("install", "--no-compile", "--progress-bar", "off", *packages)
+    command = pip("install", "--progress-bar", "off", *packages)
     at_once, said = {**os.environ, "PYTHONUNBUFFERED": "1"}, subprocess.PIPE
     with subprocess.Popen(
         command, cwd=ROOT, env=at_once, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, text=True

@@ -28,7 +28,7 @@ def install_torch(python: Path, constraints: Path) -> str:
     """
     wanted = _pinned("torch", constraints)
     pip = [str(python), "-m", "pip", "--disable-pip-version-check", "--no-input"]
-    install = [*pip, "install", "--quiet", "--no-compile", "--no-deps", "--progress-bar", "off"]
+    install = [*pip, "install", "--quiet", "--no-deps", "--progress-bar", "off"]
     index = os.environ.get(INDEX_VARIABLE)
     if index and _succeeds([*install, "--index-url", index, wanted]):
         return f"{wanted} comes from the index named in {INDEX_VARIABLE}"
