@@ -111,7 +111,7 @@ class Names:
                 continue
             end = next((i for i in range(index + 2, len(kept)) if kept[i].terminal != "WORD"), len(kept))
             name, before = kept[index + 2 : end], kept[index - 2] if index > 1 else None
-            if self._are_told_apart(one.text, other.text, name):
+            if self._are_distinguished(one.text, other.text, name):
                 each = [TaggedWord("ALL", "all")]
                 start = index - 1 - (before is not None and before.terminal in ("DETERMINER", "BOTH"))
                 kept[start:end] = [*each, one, *name, link, *each, other, *name]
@@ -119,7 +119,7 @@ class Names:
                 del kept[index]
         return tuple(kept)
 
-    def _are_told_apart(self, one: str, other: str, name: Sequence[TaggedWord]) -> bool:
+    def _are_distinguished(self, one: str, other: str, name: Sequence[TaggedWord]) -> bool:
         """Decide whether two sizes, or two colours, tell those apart that the plural of a name means."""
         words = tuple(word.text for word in name)
         if self.described(words).ids:
@@ -194,7 +194,7 @@ class Names:
             raise self.unresolvable(phrase, which)
         named = all(word in self.lexicon.descriptions for word in before)
         if front is None or not named or not self.affordances[whole].door:
-            problem = f'{whole} has no "{" ".join(phrase.words)}" that can be told apart from it'
+            problem = f'{whole} has no "{" ".join(phrase.words)}" that can be distinguished from it'
             raise Refusal("unknown-object", problem)
         if not self.affordances[whole].opens_by(front):
             raise self.without((whole,), front, by_name=True)
