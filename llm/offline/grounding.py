@@ -129,7 +129,7 @@ class Grounding:
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
     def other(self, phrase: NounPhrase, spoken: Collection[str], hosts: Collection[str] = ()) -> NounPhrase:
-        """Return the phrase of the only object beside the known ones for "the other mug"; other phrases unchanged.
+        """Return the phrase of the only object that is not known yet for "the other mug"; other phrases unchanged.
 
         Known is what was spoken of, and else what hosts the things that are moved; where these differ, neither is.
         """
