@@ -11,11 +11,16 @@ from llm.offline.reader import NounPhrase
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """Objects mentioned by one command; `as_one` when one word named several of them, so that "it" can mean them."""
+    """Objects mentioned by one command.
+
+    `as_one`: one word named several of them, so that "it" can mean them. `plural`: the name of the one is a plural,
+    such as "the keys", so that "them" can mean it.
+    """
 
     intents: tuple[Intent, ...]
     source: str | None = None
     as_one: bool = False
+    plural: bool = False
 
     @property
     def themes(self) -> tuple[str, ...]:
@@ -64,7 +69,8 @@ class Discourse:
                 # What is not spoken can be several things, but not these or the ones that they were put into.
                 mention = replace(mention, as_one=phrase.elided and not others)
                 themes += others
-            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
+            alone = mention.plural and len(themes) == 1 and phrase.count is None
+            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one or alone)
         raise self._unclear(phrase)
 
     def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:

@@ -75,6 +75,7 @@ class Lexicon:
         units: Words that count what follows "of", such as "set" in "a set of keys".
         vessels: Words for what holds what follows "of", such as "bottle".
         anything: Words for any item, such as "object".
+        features: Words for parts of things that are not moved alone, such as "handle".
         landmarks: Words for what only says where furniture stands, such as "window"; a scene may lack it.
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
@@ -94,6 +95,7 @@ class Lexicon:
     units: frozenset[str]
     vessels: frozenset[str]
     anything: frozenset[str]
+    features: frozenset[str]
     landmarks: frozenset[str]
     beyond: Mapping[str, str]
     usual: tuple[Usual, ...]
@@ -129,6 +131,7 @@ class Lexicon:
             terminals=terminals,
             **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
+            features=frozenset(data.get("parts", {}).get("features", ())),
             landmarks=frozenset(data.get("landmarks", {}).get("names", ())),
             beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
             usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),
@@ -250,7 +253,10 @@ def _category(key: str, entry: Any) -> Category:
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
     kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat")}
-    return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances, **kind)
+    # "The seat of the sofa" is a part of it, and so is "the sofa seat".
+    seats = tuple(f"{name} seat" for name in entry["names"] if kind["seat"] and not name.endswith(" seat"))
+    names = (*entry["names"], *seats, *surface_names)
+    return Category(tuple(dict.fromkeys(names)), frozenset(surface_names), affordances, **kind)
 
 
 def _usual(entry: Any, categories: Mapping[str, Any]) -> Usual:

@@ -30,7 +30,7 @@ from llm.offline.intents import (
 from llm.offline.interpretation import interpret_reading
 from llm.offline.lexicon import Lexicon, built_in
 from llm.offline.names import Names
-from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read, read_words
+from llm.offline.reader import TOO_LONG, Reading, is_too_long, read
 from llm.offline.subtasks import (
     PlainTask,
     check_sizes,
@@ -40,6 +40,7 @@ from llm.offline.subtasks import (
     problem,
     scale_factors,
 )
+from llm.offline.words import TaggedWord, read_words
 from llm.proposing.proposal import Expanded, Proposal
 from oag import Scene, SimpleTask, Task, Verdict, compose
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
@@ -95,6 +96,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     grounding = Grounding.of(scene, lexicon, sizing)
     around = grounding.around
     words, manner = read_words(query, lexicon)
+    words, features = grounding.names.without_features(words)
     tokens = grounding.names.with_own_nouns(words)
     try:
         request, trusted = _of_known_words(tokens, grounding)
@@ -113,7 +115,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
             suggestions=suggestions[:_MOST_SUGGESTIONS],
             among=refusal.among,
         ) from None
-    notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in (*manner, *features)]
     notes += [*trusted, *_assumptions(request, around)]
     return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
 
