@@ -197,6 +197,10 @@ class Grounding:
         """Return the objects that stand directly at a place, not on something that stands there."""
         if place.direction in REFERENCE_DIRECTIONS:
             return self._found_at(ids, place)
+        if place.other is not None:
+            both = [self._held_by(ids, replace(place, phrase=p, other=None)) for p in (place.phrase, place.other)]
+            held = {key for found, _ in both for key in found}
+            return tuple(key for key in ids if key in held), (*both[0][1], *both[1][1])
         named = self.one(place.phrase)
         held = tuple(
             key
@@ -380,6 +384,9 @@ class Grounding:
         """Decide whether a place that is not confirmed may describe the only piece of furniture of a name."""
         if not self.trusts or not self._is_only_furniture(named):
             return False
+        entry = self.names.entries[self.around.scene.objects[named.ids[0]].category]
+        if entry is not None and entry.ground:
+            return False  # "On the floor between the bed and the desk" is a spot.
         if place.direction == "ON" and not self.around.supports(named.ids[0]):
             # "The safe on the floor": so does everything stand that stands on nothing else.
             return any(entry.ground for entry in self.names.lexicon.owners(" ".join(place.phrase.words)))

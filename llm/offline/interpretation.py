@@ -39,7 +39,8 @@ _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind
 def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Return the request of one reading, in an order for one hand, and the assumptions."""
     wishes = _IntentBuilder(grounding, Discourse(grounding.around))
-    for command, following in zip(reading, (*reading[1:], None), strict=True):
+    commands = _paired(reading)
+    for command, following in zip(commands, (*commands[1:], None), strict=True):
         wishes.add(command, following)
     if not wishes.intents:
         raise Refusal("not-understood", "it does not say what to do there")
@@ -57,6 +58,28 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
     return request, tuple(dict.fromkeys(notes))
 
 
+def _paired(reading: Reading) -> Reading:
+    """Return a reading in which either of two is "the apple" that a later command tells from "the other apple".
+
+    "One mug here and the other there" is one mug and the other mug.
+    """
+    commands: list[Command] = []
+    for command in reading:
+        before = commands[-1].objects if commands else ()
+        if before and command.objects and command.objects[0].words == ("other",):
+            named = replace(command.objects[0], words=("other", *before[-1].words))
+            command = replace(command, objects=(named, *command.objects[1:]))
+        commands.append(command)
+    told = [phrase.words for command in commands for phrase in command.objects]
+    for index, command in enumerate(commands):
+        if len(command.objects) == 1 and command.objects[0].definite and "other" not in command.objects[0].words:
+            phrase = command.objects[0]
+            later = told[sum(len(one.objects) for one in commands[: index + 1]) :]
+            if ("other", *phrase.words) in later and command.kind == "place":
+                commands[index] = replace(command, objects=(replace(phrase, whichever=True),))
+    return tuple(commands)
+
+
 @dataclass(slots=True)
 class _IntentBuilder(Placing):
     """Intents so far; the state after them determines the meaning of the next words."""
@@ -66,6 +89,7 @@ class _IntentBuilder(Placing):
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
+    called: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.start = self.grounding.around
@@ -221,12 +245,14 @@ class _IntentBuilder(Placing):
             for phrase in (*command.objects, command.destination.phrase)
             if (at := phrase.location) is not None and at.direction in SPOTS
         )
+        there, place = self._below(command.destination, place)
+        command = replace(command, destination=there)
         loads = self._loads(command, targets, place)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
             return (*loads, *placings(ids, host.relation, host.object_id, spot))
-        relation = self._relation(command.destination, ids, place)
-        carried = self._carried(place, command.destination)
+        relation = self._relation(there, ids, place)
+        carried = self._carried(place, there)
         return (*loads, *placings(ids, relation, place.object_id, place.part), *carried)
 
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
@@ -258,7 +284,8 @@ class _IntentBuilder(Placing):
         can, at = around.affordances[vessel], command.objects[0].load_at
         relation: Relation = "ontop" if at == "ON" or (at != "IN" and not can.interior) else "inside"
         only: Relation | None = None if can.interior is can.surface else "inside" if can.interior else "ontop"
-        if lacking and only not in (None, relation) and not command.objects[0].load_apart:
+        holders = [key for key in lacking if around.affordances[key].interior or around.affordances[key].surface]
+        if only not in (None, relation) and lacking and not holders and not command.objects[0].load_apart:
             # "A cup with a spoon on it" has it inside, and "a plate with a fork in it" on top.
             self.notes.append(f'"{command.objects[0]}" has it {_IN_OR_ON[only]} {vessel}: there is no other way')
             relation = only
@@ -344,15 +371,19 @@ class _IntentBuilder(Placing):
         taken = set(self.taken) if command.kind not in ("open", "close") else set()
         moved = tuple(intent.target for intent in self.intents if intent.kind is IntentKind.PLACE)
         unclear: list[Refusal] = []
+        # "The ladle and the spoon" are two things, and "put the cup there and the mug here" moves two.
+        spoken = self.called if command.kind in ("place", "toss") else {}
         for phrase in command.objects:
             try:
-                phrase = self.grounding.other(phrase, self.discourse.spoken)
+                here = (grounded.object_id for grounded in found)
+                phrase = self.grounding.other(phrase, self.discourse.spoken.union(here))
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
                 before = self.discourse.spoken if phrase.another else ()
                 meant = self._target(command, phrase, source, rather_not, {*taken, *others, *before})
                 if phrase.whichever and command.kind not in ("open", "close", "pick"):
                     self.taken.update(grounded.object_id for grounded in meant)
+                self._check_called(command, phrase, meant, spoken)
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -400,6 +431,18 @@ class _IntentBuilder(Placing):
             phrase = replace(phrase, load=())
         return self.grounding.every(phrase, source, avoided, taken)
 
+    def _check_called(
+        self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, tuple[str, ...]]
+    ) -> None:
+        """Refuse two names of one thing where each is to be moved; a pronoun is no name."""
+        if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
+            return
+        before = called.setdefault(meant[0].object_id, phrase.words)
+        if before != phrase.words and phrase.words != (meant[0].object_id,):
+            named = f'"{" ".join(before)}" and "{" ".join(phrase.words)}"'
+            problem = f"{named} name two things, and the scene has {meant[0].object_id} alone for both"
+            raise Refusal("several-objects", problem)
+
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
         """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
         if not all(grounded.by_door for grounded in meant):
@@ -444,7 +487,7 @@ class _IntentBuilder(Placing):
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
-            phrase = self.grounding.other(place.phrase, self.discourse.spoken, hosts)
+            phrase = self.grounding.other(place.phrase, self.discourse.spoken.union(targets), hosts)
             there, taken = phrase.location, (*hosts, *self.discourse.spoken) if phrase.another else ()
             # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
             any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)

@@ -34,7 +34,7 @@ class Category:
     """One category: all its names, those of its top such as "countertop", and what can be done with it.
 
     `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
-    `seat`: "in" it is on it.
+    `seat`: "in" it is on it. `fitted`: "under" it is in what of this category stands there.
     """
 
     names: tuple[str, ...]
@@ -43,6 +43,7 @@ class Category:
     waste: bool = False
     ground: bool = False
     seat: bool = False
+    fitted: str = ""
     compact: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -256,7 +257,8 @@ def _category(key: str, entry: Any) -> Category:
     # "The seat of the sofa" is a part of it, and so is "the sofa seat".
     seats = tuple(f"{name} seat" for name in entry["names"] if kind["seat"] and not name.endswith(" seat"))
     names = (*entry["names"], *seats, *surface_names)
-    return Category(tuple(dict.fromkeys(names)), frozenset(surface_names), affordances, **kind)
+    fitted = str(entry.get("fitted", ""))
+    return Category(tuple(dict.fromkeys(names)), frozenset(surface_names), affordances, **kind, fitted=fitted)
 
 
 def _usual(entry: Any, categories: Mapping[str, Any]) -> Usual:

@@ -9,6 +9,7 @@ from llm.offline.grounding import Grounded
 from llm.offline.housekeeping import Housekeeping
 from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Relation, Request, enumeration
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Location
+from llm.offline.viewpoint import referenced
 from llm.offline.words import Direction
 from oag.model.where import Where
 
@@ -38,6 +39,20 @@ class Placing(Housekeeping):
             return place
         self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
         return replace(place, direction="ON", loose=True)
+
+    def _below(self, place: Location, grounded: Grounded) -> tuple[Location, Grounded]:
+        """Return the only cupboard under the sink for "under the sink"; other places unchanged."""
+        scene, names = self.grounding.around.scene, self.grounding.names
+        entry = names.entries[scene.objects[grounded.object_id].category]
+        if place.direction != "UNDER" or entry is None or not entry.fitted:
+            return place, grounded
+        kind = names.lexicon.categories[entry.fitted]
+        alike = [key for key, thing in scene.objects.items() if names.entries[thing.category] is kind]
+        below = referenced(alike, "UNDER", (grounded.object_id,), scene)
+        if len(below) != 1:
+            return place, grounded
+        self.notes.append(f'"{place}" is taken for into {below[0]}, which stands under {grounded.object_id}')
+        return Location("INTO", replace(place.phrase, words=(below[0],), location=None), "into"), Grounded(below[0])
 
     def _spot(self, command: Command, place: Grounded) -> Where | None:
         """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""

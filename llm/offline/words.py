@@ -31,6 +31,7 @@ _PIECE = re.compile(
 # Quotation marks, brackets, dashes and invisible characters are ignored; any other sign is an unknown word.
 _SILENT_MARKS = frozenset("\"'`*_")
 _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})
+_ONWARD = frozenset({"TO", "INTO", "ONTO"})
 _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
 
@@ -94,6 +95,14 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
+    for index in range(len(tokens) - 3):
+        # "Move to cups onto the tray".
+        verb, count, noun = tokens[index : index + 3]
+        after = next((token for token in tokens[index + 2 :] if token.terminal != "WORD"), None)
+        stop = tokens.index(after, index + 2) if after is not None else 0
+        spelled = (verb.terminal, count.text, noun.terminal) == ("PUT", "to", "WORD")
+        if spelled and after is not None and after.terminal in _ONWARD and tokens[stop - 1].text.endswith("s"):
+            tokens[index + 1] = TaggedWord("TWO", "two")
     apart: list[int] = []
     for index, (one, after) in enumerate(pairwise(tokens)):
         opens = index == 0 or tokens[index - 1].terminal in _ENDS
