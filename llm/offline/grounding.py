@@ -144,6 +144,12 @@ class Grounding:
             return phrase
         return replace(phrase, words=(*named.descriptions, *left))
 
+    def are_alike(self, phrase: NounPhrase) -> bool:
+        """Decide whether a name fits exactly two things that the scene describes alike."""
+        ids = self.names.described(phrase.words).ids
+        things = [self.around.scene.objects[key] for key in ids]
+        return len(ids) == 2 and len({(t.category, t.model, t.extent_m, stated_colors(t)) for t in things}) == 1
+
     def nowhere(self, phrase: NounPhrase) -> bool:
         """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
         try:

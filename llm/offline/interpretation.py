@@ -39,7 +39,7 @@ _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind
 def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Return the request of one reading, in an order for one hand, and the assumptions."""
     wishes = _IntentBuilder(grounding, Discourse(grounding.around))
-    commands = _paired(reading)
+    commands = _paired(reading, grounding)
     for command, following in zip(commands, (*commands[1:], None), strict=True):
         wishes.add(command, following)
     if not wishes.intents:
@@ -58,10 +58,11 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
     return request, tuple(dict.fromkeys(notes))
 
 
-def _paired(reading: Reading) -> Reading:
+def _paired(reading: Reading, grounding: Grounding) -> Reading:
     """Return a reading in which either of two is "the apple" that a later command tells from "the other apple".
 
-    "One mug here and the other there" is one mug and the other mug.
+    Two of which the scene says different things stay ambiguous. "One mug here and the other there" is one mug and the
+    other mug.
     """
     commands: list[Command] = []
     for command in reading:
@@ -75,7 +76,8 @@ def _paired(reading: Reading) -> Reading:
         if len(command.objects) == 1 and command.objects[0].definite and "other" not in command.objects[0].words:
             phrase = command.objects[0]
             later = told[sum(len(one.objects) for one in commands[: index + 1]) :]
-            if ("other", *phrase.words) in later and command.kind == "place":
+            told_apart = ("other", *phrase.words) in later and command.kind == "place"
+            if told_apart and grounding.are_alike(phrase):
                 commands[index] = replace(command, objects=(replace(phrase, whichever=True),))
     return tuple(commands)
 
