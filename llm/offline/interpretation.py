@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from llm.offline import arranging
-from llm.offline.discourse import Discourse, Mention
+from llm.offline.discourse import Discourse, Mention, resolved
 from llm.offline.grounding import Grounded, Grounding
 from llm.offline.intents import (
     Intent,
@@ -39,7 +39,7 @@ _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind
 def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Return the request of one reading, in an order for one hand, and the assumptions."""
     wishes = _IntentBuilder(grounding, Discourse(grounding.around))
-    commands = _paired(reading, grounding)
+    commands = resolved(reading, grounding)
     for command, following in zip(commands, (*commands[1:], None), strict=True):
         wishes.add(command, following)
     if not wishes.intents:
@@ -58,30 +58,6 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
     return request, tuple(dict.fromkeys(notes))
 
 
-def _paired(reading: Reading, grounding: Grounding) -> Reading:
-    """Return a reading in which either of two is "the apple" that a later command tells from "the other apple".
-
-    Two of which the scene says different things stay ambiguous. "One mug here and the other there" is one mug and the
-    other mug.
-    """
-    commands: list[Command] = []
-    for command in reading:
-        before = commands[-1].objects if commands else ()
-        if before and command.objects and command.objects[0].words == ("other",):
-            named = replace(command.objects[0], words=("other", *before[-1].words))
-            command = replace(command, objects=(named, *command.objects[1:]))
-        commands.append(command)
-    told = [phrase.words for command in commands for phrase in command.objects]
-    for index, command in enumerate(commands):
-        if len(command.objects) == 1 and command.objects[0].definite and "other" not in command.objects[0].words:
-            phrase = command.objects[0]
-            later = told[sum(len(one.objects) for one in commands[: index + 1]) :]
-            told_apart = ("other", *phrase.words) in later and command.kind == "place"
-            if told_apart and grounding.are_alike(phrase):
-                commands[index] = replace(command, objects=(replace(phrase, whichever=True),))
-    return tuple(commands)
-
-
 @dataclass(slots=True)
 class _IntentBuilder(Placing):
     """Intents so far; the state after them determines the meaning of the next words."""
@@ -91,7 +67,7 @@ class _IntentBuilder(Placing):
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
-    called: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    called: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.start = self.grounding.around
@@ -153,7 +129,7 @@ class _IntentBuilder(Placing):
         # "It" is none of several pieces of furniture.
         place = fixtures[0] if len(fixtures) == 1 else None
         intents = tuple(Intent(IntentKind.PICK, key) for key in ids if self._is_item(key))
-        return Mention(intents, place, plural=_is_plural(command.objects))
+        return Mention(intents, place, plural=self._is_plural(command.objects))
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -221,8 +197,14 @@ class _IntentBuilder(Placing):
             return Mention(self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True)
         if command.destination is None or place is None:
             intents = tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets)
-            return Mention(intents, origin, as_one, _is_plural(command.objects))
+            return Mention(intents, origin, as_one, self._is_plural(command.objects))
         return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+
+    def _is_plural(self, phrases: Sequence[NounPhrase]) -> bool:
+        """Decide whether the one name is a plural that names a single thing, such as "the keys"."""
+        words, names = phrases[0].words, self.grounding.names
+        ones = [names.by_name(one).ids for one in singulars(words[-1])]
+        return len(phrases) == 1 and bool(ids := names.by_name(words[-1]).ids) and ids in ones
 
     def _put_somewhere(self, command: Command, ids: Sequence[str]) -> Mention:
         """Return the intents that put things where they usually are, or where the robot has been sent."""
@@ -377,7 +359,8 @@ class _IntentBuilder(Placing):
         spoken = self.called if command.kind in ("place", "toss") else {}
         for phrase in command.objects:
             try:
-                here = (grounded.object_id for grounded in found)
+                # In "the mug on the table and the other mug on the sofa" a place ends the one command.
+                here = () if any(one.location for one in command.objects) else (one.object_id for one in found)
                 phrase = self.grounding.other(phrase, self.discourse.spoken.union(here))
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
@@ -434,15 +417,15 @@ class _IntentBuilder(Placing):
         return self.grounding.every(phrase, source, avoided, taken)
 
     def _check_called(
-        self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, tuple[str, ...]]
+        self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, str]
     ) -> None:
         """Refuse two names of one thing where each is to be moved; a pronoun is no name."""
         if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
             return
-        before = called.setdefault(meant[0].object_id, phrase.words)
-        if before != phrase.words and phrase.words != (meant[0].object_id,):
-            named = f'"{" ".join(before)}" and "{" ".join(phrase.words)}"'
-            problem = f"{named} name two things, and the scene has {meant[0].object_id} alone for both"
+        key, name = meant[0].object_id, str(replace(phrase, location=None, load=()))
+        before = called.setdefault(key, name)
+        if before != name and key not in (before, name):
+            problem = f'"{before}" and "{name}" name two things, and the scene has {key} alone for both'
             raise Refusal("several-objects", problem)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
@@ -569,11 +552,6 @@ class _IntentBuilder(Placing):
         intents, note = arranging.brought(ids, self.grounding)
         self.notes.append(note)
         return intents
-
-
-def _is_plural(phrases: Sequence[NounPhrase]) -> bool:
-    """Decide whether the one thing that is named has a plural for its name, such as "the keys"."""
-    return len(phrases) == 1 and bool(singulars(phrases[0].words[-1]))
 
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
