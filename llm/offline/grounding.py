@@ -205,8 +205,8 @@ class Grounding:
             return self._found_at(ids, place)
         if place.other is not None:
             both = [self._held_by(ids, replace(place, phrase=p, other=None)) for p in (place.phrase, place.other)]
-            held = {key for found, _ in both for key in found}
-            return tuple(key for key in ids if key in held), (*both[0][1], *both[1][1])
+            found = {key for here, _ in both for key in here}
+            return tuple(key for key in ids if key in found), (*both[0][1], *both[1][1])
         named = self.one(place.phrase)
         held = tuple(
             key

@@ -355,8 +355,7 @@ class _IntentBuilder(Placing):
         taken = set(self.taken) if command.kind not in ("open", "close") else set()
         moved = tuple(intent.target for intent in self.intents if intent.kind is IntentKind.PLACE)
         unclear: list[Refusal] = []
-        # "The ladle and the spoon" are two things, and "put the cup there and the mug here" moves two.
-        spoken = self.called if command.kind in ("place", "toss") else {}
+        called: dict[str, str] = {}
         for phrase in command.objects:
             try:
                 # In "the mug on the table and the other mug on the sofa" a place ends the one command.
@@ -368,7 +367,7 @@ class _IntentBuilder(Placing):
                 meant = self._target(command, phrase, source, rather_not, {*taken, *others, *before})
                 if phrase.whichever and command.kind not in ("open", "close", "pick"):
                     self.taken.update(grounded.object_id for grounded in meant)
-                self._check_called(command, phrase, meant, spoken)
+                self._check_called(command, phrase, meant, called)
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -419,12 +418,19 @@ class _IntentBuilder(Placing):
     def _check_called(
         self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, str]
     ) -> None:
-        """Refuse two names of one thing where each is to be moved; a pronoun is no name."""
+        """Refuse two names of one thing where each is to be moved; a pronoun is no name.
+
+        "The ladle and the spoon" are two things, and "put the cup there and the mug here" moves two. "The cloth" of an
+        earlier command can be "the same cloth" of a later one.
+        """
         if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
             return
         key, name = meant[0].object_id, str(replace(phrase, location=None, load=()))
-        before = called.setdefault(key, name)
-        if before != name and key not in (before, name):
+        before, earlier = called.setdefault(key, name), name
+        if command.kind in ("place", "toss"):
+            earlier = self.called.setdefault(key, name)
+        if key not in (before, earlier, name) and (before != name or not _is_part_of(earlier, name)):
+            before = before if before != name else earlier
             problem = f'"{before}" and "{name}" name two things, and the scene has {key} alone for both'
             raise Refusal("several-objects", problem)
 
@@ -552,6 +558,12 @@ class _IntentBuilder(Placing):
         intents, note = arranging.brought(ids, self.grounding)
         self.notes.append(note)
         return intents
+
+
+def _is_part_of(one: str, other: str) -> bool:
+    """Decide whether one of two names has all the words of the other."""
+    words, more = set(one.split()), set(other.split())
+    return words <= more or more <= words
 
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
