@@ -245,10 +245,15 @@ class Grounding:
             return phrase
         for words in self.names.joined(phrase.words, owner.words):
             if self.names.described(words).ids:
-                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False)
-                # "Bars of soap" are several, "a set of keys" and "the bottle of pills" are not.
-                many = phrase.words[-1] in self.names.plural_units and not (phrase.several or phrase.one_of)
+                # "Bars of soap" are several, "a set of keys" and "the box of tissues" are not.
+                units = phrase.words[-1] in self.names.plural_units
+                one = phrase.one_of or not units
+                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False, one_of=one)
+                many = units and not (phrase.several or phrase.one_of)
                 return replace(joined, several=True) if many and len(self.names.described(words).ids) > 1 else joined
+        if self.names.are_vessels(phrase.words[-1], owner.words):
+            plain = replace(phrase, words=(*phrase.words[:-1], *owner.words), owner=None, location=owner.location)
+            return replace(plain, door=False)
         return phrase
 
     def _bearers(self, phrase: NounPhrase, *, named_only: bool = False) -> Named:
@@ -271,6 +276,10 @@ class Grounding:
             return replace(named, plural=len(named.ids) > 1 and not phrase.one_of and named.ids in alike)
         for singular in singulars(phrase.words[-1]):
             named = self.names.described((*phrase.words[:-1], singular))
+            if not named.ids:
+                # "The tissues boxes".
+                each = ((singulars(word) or (word,))[-1] for word in phrase.words[:-1])
+                named = self.names.described((*each, singular))
             if named.ids:
                 return replace(named, plural=not phrase.one_of)
         placed = self._placed(phrase, named_only=named_only)

@@ -95,6 +95,7 @@ class _IntentBuilder(Placing):
                 # "Move the can from the table and put it in the bin".
                 command = replace(command, kind="pick")
             mention = self._wished(command, placed)
+        mention = self._along(mention)
         if command.kind not in ("goto", "find") and self.reached is not None:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
@@ -113,6 +114,14 @@ class _IntentBuilder(Placing):
         for intent in self.intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
+
+    def _along(self, mention: Mention) -> Mention:
+        """Return a mention without what moves along: the fork put into the pan, in "put both on the table"."""
+        held = {i.target: i.destination for i in self.intents if not i.kind.is_about_a_door}
+        goals = {i.target: (i.destination, i.relation) for i in mention.intents if i.kind is IntentKind.PLACE}
+        along = {key for key, goal in goals.items() if goal == goals.get(held.get(key) or "")}
+        self.notes += [f"{key} moves along with {held[key]}" for key in goals if key in along]
+        return replace(mention, intents=tuple(intent for intent in mention.intents if intent.target not in along))
 
     def _found(self, command: Command, following: Command | None) -> Mention:
         """Return the mention of things that are to be found, which is a part of what is done with them next."""

@@ -255,7 +255,8 @@ def _category(key: str, entry: Any) -> Category:
     affordances = Affordances(**flags, fronts=frozenset(fronts))
     kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat")}
     # "The seat of the sofa" is a part of it, and so is "the sofa seat".
-    seats = tuple(f"{name} seat" for name in entry["names"] if kind["seat"] and not name.endswith(" seat"))
+    parts = ("seat", "cushion") if kind["seat"] else ()
+    seats = tuple(f"{name} {part}" for name in entry["names"] for part in parts)
     names = (*entry["names"], *seats, *surface_names)
     fitted = str(entry.get("fitted", ""))
     return Category(tuple(dict.fromkeys(names)), frozenset(surface_names), affordances, **kind, fitted=fitted)

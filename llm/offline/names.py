@@ -279,6 +279,12 @@ class Names:
             if unit in self.lexicon.units:
                 yield (*before, *of)
 
+    def are_vessels(self, unit: str, of: tuple[str, ...]) -> bool:
+        """Decide whether all that "cleaner" names are bottles, so that "two bottles of cleaner" are two of them."""
+        named = set(self.described(of).ids)
+        units = (one for one in (unit, *singulars(unit)) if one in self.lexicon.vessels)
+        return bool(named) and any(named.issubset(self.by_name(one).ids) for one in units)
+
     def meant(self, *wanted: str) -> str:
         """Return the question whether one of the nearest names was meant; empty if none is near."""
         near: dict[tuple[str, ...], str] = {}

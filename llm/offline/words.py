@@ -31,6 +31,7 @@ _PIECE = re.compile(
 # Quotation marks, brackets, dashes and invisible characters are ignored; any other sign is an unknown word.
 _SILENT_MARKS = frozenset("\"'`*_")
 _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})
+_ARTICLES = ("DETERMINER", "A")
 _ONWARD = frozenset({"TO", "INTO", "ONTO"})
 _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
@@ -95,6 +96,14 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
+    for index in range(len(tokens) - 2, -1, -1):
+        one, after = tokens[index : index + 2]
+        # "On the the desk", "on the a chair", "a two vases", "out of of the tub".
+        twice = one.text == after.text and one.terminal in (*PREPOSITIONS, *_ARTICLES)
+        if twice or (one.terminal in _ARTICLES and after.terminal in (*_ARTICLES, "TWO")):
+            del tokens[index + (one.terminal == "DETERMINER" and after.terminal != "A")]
+        elif (one.terminal, after.terminal) == ("OUTOF", "OF"):
+            del tokens[index + 1]
     for index in range(len(tokens) - 3):
         # "Move to cups onto the tray".
         verb, count, noun = tokens[index : index + 3]

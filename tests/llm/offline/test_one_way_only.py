@@ -17,7 +17,8 @@ _FURNITURE = {
 }  # fmt: skip
 _THINGS = {
     "mug_0": "desk", "fork_0": "desk", "ladle_0": "desk", "plate_0": "desk", "key_chain_0": "desk", "watch_0": "desk",
-    "watch_1": "bed", "dish_sponge_0": "desk", "dish_sponge_1": "desk", "tomato_0": "bed", "vase_0": "bed",
+    "watch_1": "bed", "dish_sponge_0": "desk", "dish_sponge_1": "desk", "tomato_0": "bed",
+    **dict.fromkeys(("spray_bottle_0", "spray_bottle_1", "tissue_box_0", "tissue_box_1"), "bed"),
 }  # fmt: skip
 _VESSEL = [0.09, 0.09, 0.05]
 _HOME: dict[str, object] = {
@@ -102,6 +103,14 @@ def _outcome(query: str) -> set[str] | str:
         ("pick up a mug with a fork in it and set it on the bed", {"(inside fork_0 mug_0)", "(ontop mug_0 bed_0)"}),
         ("pick up a mug with a fork in it", "wrong-place"),
         ("pick up a mug with a fork in it and put the plate on the bed", "wrong-place"),
+        (
+            "put the fork in the mug and put the fork and the mug on the bed",
+            {"(inside fork_0 mug_0)", "(ontop mug_0 bed_0)"},
+        ),
+        (
+            "put the fork in the mug, then the mug on the bed and the fork on the sofa",
+            {"(ontop mug_0 bed_0)", "(ontop fork_0 sofa_0)"},
+        ),
         # Things from two places, and a thing and a place.
         ("take the watches from the desk and the bed to the sofa", BOTH_WATCHES),
         ("take the sponges from the desk and the bed to the sofa", BOTH_SPONGES),
@@ -124,6 +133,19 @@ def _outcome(query: str) -> set[str] | str:
         ("put the mug on the sofa.put the fork on the bed", {"(ontop mug_0 sofa_0)", "(ontop fork_0 bed_0)"}),
         ("put the mug on the sofa seat", {"(ontop mug_0 sofa_0)"}),
         ("put the mug on the bed seat", "unknown-object"),
+        ("put the mug on the sofa cushion", {"(ontop mug_0 sofa_0)"}),
+        # Words written twice, and units that are the things.
+        ("put the mug on the the bed", {"(ontop mug_0 bed_0)"}),
+        ("put the mug on the a bed", {"(ontop mug_0 bed_0)"}),
+        ("put a two watches on the sofa", BOTH_WATCHES),
+        ("put a the two watches on the sofa", "not-understood"),
+        ("put two bottles of cleaner on the sofa", {"(ontop spray_bottle_0 sofa_0)", "(ontop spray_bottle_1 sofa_0)"}),
+        ("put the bottle of cleaner on the sofa", "ambiguous-object"),
+        ("put two jars of cleaner on the sofa", "unknown-object"),
+        ("put the sprays bottles on the sofa", {"(ontop spray_bottle_0 sofa_0)", "(ontop spray_bottle_1 sofa_0)"}),
+        ("put the box of tissues on the sofa", "ambiguous-object"),
+        ("put two boxes of tissues on the sofa", {"(ontop tissue_box_0 sofa_0)", "(ontop tissue_box_1 sofa_0)"}),
+        ("put the watch from the bed on the sofa in the middle of the room", {"(ontop watch_1 sofa_0)"}),
         # A ladle is a spoon, where nothing is more of one; two names are no one thing.
         ("put the spoon on the sofa", {"(ontop ladle_0 sofa_0)"}),
         ("put the spoon and the ladle on the sofa", "several-objects"),
