@@ -32,6 +32,7 @@ _PIECE = re.compile(
 _SILENT_MARKS = frozenset("\"'`*_")
 _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})
 _ARTICLES = ("DETERMINER", "A")
+_TWICE = (("DETERMINER", "A"), ("A", "DETERMINER"), ("A", "TWO"))
 _ONWARD = frozenset({"TO", "INTO", "ONTO"})
 _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
@@ -100,17 +101,16 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
         one, after = tokens[index : index + 2]
         # "On the the desk", "on the a chair", "a two vases", "out of of the tub".
         twice = one.text == after.text and one.terminal in (*PREPOSITIONS, *_ARTICLES)
-        if twice or (one.terminal in _ARTICLES and after.terminal in (*_ARTICLES, "TWO")):
-            del tokens[index + (one.terminal == "DETERMINER" and after.terminal != "A")]
+        if twice or (one.terminal, after.terminal) in _TWICE:
+            del tokens[index]
         elif (one.terminal, after.terminal) == ("OUTOF", "OF"):
             del tokens[index + 1]
     for index in range(len(tokens) - 3):
         # "Move to cups onto the tray".
         verb, count, noun = tokens[index : index + 3]
-        after = next((token for token in tokens[index + 2 :] if token.terminal != "WORD"), None)
-        stop = tokens.index(after, index + 2) if after is not None else 0
+        stop = next((i for i in range(index + 2, len(tokens)) if tokens[i].terminal != "WORD"), 0)
         spelled = (verb.terminal, count.text, noun.terminal) == ("PUT", "to", "WORD")
-        if spelled and after is not None and after.terminal in _ONWARD and tokens[stop - 1].text.endswith("s"):
+        if spelled and tokens[stop].terminal in _ONWARD and tokens[stop - 1].text.endswith("s"):
             tokens[index + 1] = TaggedWord("TWO", "two")
     apart: list[int] = []
     for index, (one, after) in enumerate(pairwise(tokens)):
