@@ -429,8 +429,8 @@ class _IntentBuilder(Placing):
     ) -> None:
         """Refuse two names of one thing where each is to be moved; a pronoun is no name.
 
-        "The ladle and the spoon" are two things, and "put the cup there and the mug here" moves two. "The cloth" of an
-        earlier command can be "the same cloth" of a later one.
+        "The ladle and the spoon" are two things, and "put the pan there and the frying pan here" moves two. "The white
+        cloth" of an earlier command can be "the same cloth" of a later one.
         """
         if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
             return
@@ -438,7 +438,7 @@ class _IntentBuilder(Placing):
         before, earlier = called.setdefault(key, name), name
         if command.kind in ("place", "toss"):
             earlier = self.called.setdefault(key, name)
-        if key not in (before, earlier, name) and (before != name or not _is_part_of(earlier, name)):
+        if key not in (before, earlier, name) and (before != name or not _is_again(name, earlier)):
             before = before if before != name else earlier
             problem = f'"{before}" and "{name}" name two things, and the scene has {key} alone for both'
             raise Refusal("several-objects", problem)
@@ -569,10 +569,9 @@ class _IntentBuilder(Placing):
         return intents
 
 
-def _is_part_of(one: str, other: str) -> bool:
-    """Decide whether one of two names has all the words of the other."""
-    words, more = set(one.split()), set(other.split())
-    return words <= more or more <= words
+def _is_again(name: str, earlier: str) -> bool:
+    """Decide whether a name can repeat an earlier one: no word of it is new, as in "the white mug" and "the mug"."""
+    return {*name.split()} <= {*earlier.split(), "same"}
 
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
