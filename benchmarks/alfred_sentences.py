@@ -2,7 +2,7 @@
 
     python -m benchmarks.alfred_sentences FOLDER [--half tuning] [--types simple two] [--show]
     python -m benchmarks.alfred_sentences FOLDER --tests [--half tuning] [--types simple two stacked] [--show]
-    python -m benchmarks.alfred_sentences CLONE --drawn 700 [--without FOLDER ...] [--types simple two stacked] [--show]
+    python -m benchmarks.alfred_sentences CLONE --drawn 700 [--draw 2] [--without FOLDER ...] [--types ...] [--show]
 
 FOLDER holds the command files of github.com/zebehn/revisiting_alfred (`refined_*_commands.json`, MIT): instructions
 that people wrote for tasks of ALFRED, each with the action sequence of its expert. Every task becomes a scene: the
@@ -22,7 +22,8 @@ so that every plan for them is one for something else.
 With --drawn, CLONE is a clone of github.com/askforalfred/alfred (MIT), whose history holds the training annotations.
 One of each demonstration is drawn, with a seed, until there are as many sentences as asked for. None of them is in
 the files of the folders after --without. The thing and the place are those of the expert's task. The home is made as
-for the test splits.
+for the test splits. --draw 2 goes on where the first draw of as many ended, and so on: other demonstrations, and no
+sentence of an earlier draw, by its letters. A draw is for judging once; then it is for tuning.
 
     understood  a plan that is proved, and whose goal moves the things of the expert's plan, and only these, there
     other       a plan that is proved for something else: to be looked at, since experts and people can disagree
@@ -135,8 +136,13 @@ def split_instructions(folder: Path, half: str, types: Sequence[str]) -> list[In
     return [Instruction(text, moves, scene) for text, moves, scene in found if scene is not None and text not in others]
 
 
-def drawn_instructions(clone: Path, count: int, types: Sequence[str], without: Sequence[Path]) -> list[Instruction]:
-    """Return instructions of ALFRED's training demonstrations, one of each that is drawn, in the order of the draw."""
+def drawn_instructions(
+    clone: Path, count: int, types: Sequence[str], without: Sequence[Path], draw: int = 1
+) -> list[Instruction]:
+    """Return instructions of ALFRED's training demonstrations, one of each that is drawn, in the order of the draw.
+
+    Draws of one count and of the same types and folders share no demonstration and no sentence.
+    """
     known = {_letters(text) for folder in without for text in _sentences_in(folder)}
     wanted = {_TYPES[name] for name in types}
     trials: dict[str, list[str]] = {}
@@ -160,9 +166,9 @@ def drawn_instructions(clone: Path, count: int, types: Sequence[str], without: S
         moves, scene = _as_classified(text, read, types)
         if scene is not None:
             found.append(Instruction(text, moves, scene))
-        if len(found) == count:
+        if len(found) == count * draw:
             break
-    return found
+    return found[count * (draw - 1) :]
 
 
 def _git(clone: Path, *command: str) -> str:
@@ -307,6 +313,8 @@ def _asked_for(args: argparse.Namespace, parser: argparse.ArgumentParser) -> lis
     if args.drawn is None:
         if args.without:
             parser.error("--without is for --drawn alone")
+        if args.draw is not None:
+            parser.error("--draw is for --drawn alone")
         if len(list(args.folder.glob(wanted))) < (2 if args.tests else 1):
             parser.error(
                 f"{args.folder} holds not the files {wanted} that are expected there; its help says where from"
@@ -318,11 +326,13 @@ def _asked_for(args: argparse.Namespace, parser: argparse.ArgumentParser) -> lis
         parser.error("--half is not for --drawn, which has no halves")
     if args.drawn < 1:
         parser.error(f"--drawn {args.drawn}: expected a count of 1 or more")
+    if args.draw is not None and args.draw < 1:
+        parser.error(f"--draw {args.draw}: expected the number of a draw, 1 or more")
     for folder in args.without:
         if not any(path for pattern in (_COMMANDS, _TESTS) for path in folder.glob(pattern)):
             parser.error(f"--without {folder}: it holds neither {_COMMANDS} nor {_TESTS}")
     try:
-        return drawn_instructions(args.folder, args.drawn, args.types, args.without)
+        return drawn_instructions(args.folder, args.drawn, args.types, args.without, args.draw or 1)
     except subprocess.CalledProcessError as problem:
         said = problem.stderr.strip().splitlines()
         parser.error(
@@ -339,6 +349,7 @@ def main() -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
     source.add_argument("--drawn", type=int, metavar="COUNT", help="so many instructions of training demonstrations")
+    parser.add_argument("--draw", type=int, metavar="NUMBER", help="which draw of --drawn (default: 1)")
     parser.add_argument(
         "--without", nargs="+", type=Path, default=[], help="folders of sentences that --drawn leaves out"
     )

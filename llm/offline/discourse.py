@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from llm.offline.grounding import Grounding
 from llm.offline.intents import Front, Intent, IntentKind, Refusal, Surroundings, alternatives
-from llm.offline.reader import NounPhrase
+from llm.offline.reader import Command, NounPhrase, Reading
 
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """Objects mentioned by one command; `as_one` when one word named several of them, so that "it" can mean them."""
+    """Objects mentioned by one command.
+
+    `as_one`: one word named several of them, so that "it" can mean them. `plural`: the name of the one is a plural,
+    such as "the keys", so that "them" can mean it.
+    """
 
     intents: tuple[Intent, ...]
     source: str | None = None
     as_one: bool = False
+    plural: bool = False
 
     @property
     def themes(self) -> tuple[str, ...]:
@@ -64,7 +70,8 @@ class Discourse:
                 # What is not spoken can be several things, but not these or the ones that they were put into.
                 mention = replace(mention, as_one=phrase.elided and not others)
                 themes += others
-            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
+            alone = mention.plural and len(themes) == 1 and phrase.count is None
+            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one or alone)
         raise self._unclear(phrase)
 
     def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:
@@ -113,3 +120,46 @@ class Discourse:
 
     def _unclear(self, phrase: NounPhrase) -> Refusal:
         return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
+
+
+def resolved(reading: Reading, grounding: Grounding) -> Reading:
+    """Return a reading whose "it" and "the other" are told by the command before or after, where only these tell."""
+    return _paired(_with_loads(reading, grounding), grounding)
+
+
+def _with_loads(reading: Reading, grounding: Grounding) -> Reading:
+    """Return a reading in which "pick up a pan with a spoon in it and put it there" puts there what shall hold it."""
+    commands: list[Command] = []
+    for command in reading:
+        before = commands[-1] if commands else None
+        again = command.kind == "place" and len(command.objects) == 1 and command.objects[0].pronoun == "it"
+        picked = before is not None and before.kind == "pick" and len(before.objects) == 1 and before.objects[0].load
+        if before is not None and picked and again and grounding.nowhere(before.objects[0]):
+            commands[-1] = replace(command, objects=before.objects, source=before.source)
+        else:
+            commands.append(command)
+    return tuple(commands)
+
+
+def _paired(reading: Reading, grounding: Grounding) -> Reading:
+    """Return a reading in which either of two is "the apple" that a later command tells from "the other apple".
+
+    Two of which the scene says different things stay ambiguous. "One mug here and the other there" is one mug and the
+    other mug.
+    """
+    commands: list[Command] = []
+    for command in reading:
+        before = commands[-1].objects if commands else ()
+        if before and command.objects and command.objects[0].words == ("other",):
+            named = replace(command.objects[0], words=("other", *before[-1].words))
+            command = replace(command, objects=(named, *command.objects[1:]))
+        commands.append(command)
+    told = [phrase.words for command in commands for phrase in command.objects]
+    for index, command in enumerate(commands):
+        if len(command.objects) == 1 and command.objects[0].definite and "other" not in command.objects[0].words:
+            phrase = command.objects[0]
+            later = told[sum(len(one.objects) for one in commands[: index + 1]) :]
+            told_apart = ("other", *phrase.words) in later and command.kind == "place"
+            if told_apart and grounding.are_alike(phrase):
+                commands[index] = replace(command, objects=(replace(phrase, whichever=True),))
+    return tuple(commands)

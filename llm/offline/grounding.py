@@ -144,6 +144,12 @@ class Grounding:
             return phrase
         return replace(phrase, words=(*named.descriptions, *left))
 
+    def are_alike(self, phrase: NounPhrase) -> bool:
+        """Decide whether a name fits exactly two things that the scene describes alike."""
+        ids = self.names.described(phrase.words).ids
+        things = [self.around.scene.objects[key] for key in ids]
+        return len(ids) == 2 and len({(t.category, t.model, t.extent_m, stated_colors(t)) for t in things}) == 1
+
     def nowhere(self, phrase: NounPhrase) -> bool:
         """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
         try:
@@ -197,6 +203,10 @@ class Grounding:
         """Return the objects that stand directly at a place, not on something that stands there."""
         if place.direction in REFERENCE_DIRECTIONS:
             return self._found_at(ids, place)
+        if place.other is not None:
+            both = [self._held_by(ids, replace(place, phrase=p, other=None)) for p in (place.phrase, place.other)]
+            found = {key for here, _ in both for key in here}
+            return tuple(key for key in ids if key in found), (*both[0][1], *both[1][1])
         named = self.one(place.phrase)
         held = tuple(
             key
@@ -235,10 +245,15 @@ class Grounding:
             return phrase
         for words in self.names.joined(phrase.words, owner.words):
             if self.names.described(words).ids:
-                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False)
-                # "Bars of soap" are several, "a set of keys" and "the bottle of pills" are not.
-                many = phrase.words[-1] in self.names.plural_units and not (phrase.several or phrase.one_of)
+                # "Bars of soap" are several, "a set of keys" and "the box of tissues" are not.
+                units = phrase.words[-1] in self.names.plural_units
+                one = phrase.one_of or not units
+                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False, one_of=one)
+                many = units and not (phrase.several or phrase.one_of)
                 return replace(joined, several=True) if many and len(self.names.described(words).ids) > 1 else joined
+        if self.names.are_vessels(phrase.words[-1], owner.words):
+            plain = replace(phrase, words=(*phrase.words[:-1], *owner.words), owner=None, location=owner.location)
+            return replace(plain, door=False)
         return phrase
 
     def _bearers(self, phrase: NounPhrase, *, named_only: bool = False) -> Named:
@@ -261,6 +276,10 @@ class Grounding:
             return replace(named, plural=len(named.ids) > 1 and not phrase.one_of and named.ids in alike)
         for singular in singulars(phrase.words[-1]):
             named = self.names.described((*phrase.words[:-1], singular))
+            if not named.ids:
+                # "The tissues boxes".
+                each = ((singulars(word) or (word,))[-1] for word in phrase.words[:-1])
+                named = self.names.described((*each, singular))
             if named.ids:
                 return replace(named, plural=not phrase.one_of)
         placed = self._placed(phrase, named_only=named_only)
@@ -349,6 +368,9 @@ class Grounding:
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
             return Named((whole.object_id,), words, notes=whole.notes)
+        own = self.names.drawer_apart(whole.object_id, phrase)
+        if own is not None:
+            return replace(own, notes=(*whole.notes, *own.notes))
         return replace(self.names.door_of(whole.object_id, phrase), notes=whole.notes)
 
     def _in_state(self, phrase: NounPhrase, ids: tuple[str, ...]) -> tuple[str, ...]:
@@ -377,14 +399,32 @@ class Grounding:
         """Decide whether a place that is not confirmed may describe the only piece of furniture of a name."""
         if not self.trusts or not self._is_only_furniture(named):
             return False
+        entry = self.names.entries[self.around.scene.objects[named.ids[0]].category]
+        if entry is not None and entry.ground:
+            return False  # "On the floor between the bed and the desk" is a spot.
+        if place.direction == "ON" and not self.around.supports(named.ids[0]):
+            # "The safe on the floor": so does everything stand that stands on nothing else.
+            return any(entry.ground for entry in self.names.lexicon.owners(" ".join(place.phrase.words)))
+        if place.direction == "BETWEEN":
+            return all(map(self._is_landmark, (place.phrase, *(() if place.other is None else (place.other,)))))
         if refusal.code == "unknown-object":
-            spoken = " ".join(word for word in place.phrase.words if word not in self.names.lexicon.descriptions)
-            return place.direction in REFERENCE_DIRECTIONS and spoken in self.names.lexicon.landmarks
+            return place.direction in REFERENCE_DIRECTIONS and self._is_landmark(place.phrase)
         # "To the end of the sofa" is where something goes.
         at = place.direction == "TO" and place.preposition.startswith("at ")
         return refusal.code == "wrong-place" and (place.direction in _FROM_A_VIEWPOINT or at)
 
+    def _is_landmark(self, phrase: NounPhrase) -> bool:
+        """Decide whether a phrase names what only says where furniture stands, such as "the window"."""
+        words = [word for word in phrase.words if word not in self.names.lexicon.descriptions]
+        forms = (words[-1], *singulars(words[-1])) if words else ()
+        return any(" ".join((*words[:-1], last)) in self.names.lexicon.landmarks for last in forms)
+
     def _found_at(self, ids: tuple[str, ...], place: Location) -> _Noted:
+        if place.direction == "BETWEEN":
+            problem = f"the scene does not say that {alternatives(ids)} is {place}"
+            raise Refusal("wrong-place", problem, scene=[f"{key} is {self.around.bearing(key)}" for key in ids])
+        if place.other is not None:
+            return self._found_at_either(ids, place, place.other)
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase, named_only=True)
         supports, notes = self._narrowed(named, phrase, None)
@@ -411,10 +451,37 @@ class Grounding:
             f"{alternatives(supports)}: {stands}",
         )
 
+    def _found_at_either(self, ids: tuple[str, ...], place: Location, other: NounPhrase) -> _Noted:
+        """Return the several things that are on or in one of two pieces of furniture."""
+        found: dict[str, None] = {}
+        notes: tuple[str, ...] = ()
+        for phrase in (place.phrase, other):
+            host = self.one(phrase).object_id
+            if self.around.scene.objects[host].role != "A":
+                raise Refusal("wrong-place", f"{host} is no furniture that {alternatives(ids)} could be taken from")
+            try:
+                here, more = self._found_at(ids, replace(place, phrase=phrase, other=None))
+            except Refusal as refusal:
+                if refusal.code != "wrong-place":
+                    raise
+                here, more = (), (f"nothing of it is on or in {host}",)
+            found |= dict.fromkeys(here)
+            notes += more
+        if len(found) < 2:
+            raise Refusal("wrong-place", f"{alternatives(ids)} are not several things {place}")
+        return tuple(key for key in ids if key in found), notes
+
     def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase, whole: Named) -> _Noted:
         """Return the objects that hold what a phrase says they do."""
         held = self._of_one_name(held)
-        named = self._bearers(held, named_only=True)
+        try:
+            named = self._bearers(held, named_only=True)
+        except Refusal as refusal:
+            trusted = self.trusts and refusal.code == "unknown-object" and self._is_landmark(held)
+            if not trusted or not self._is_only_furniture(whole):
+                raise
+            # "The table with the lamp on it".
+            return ids, (f'"with {held}" is taken on trust: {refusal.problem}',)
         things, notes = self._narrowed(named, held, None)
         fixed = all(self.around.scene.objects[key].role == "A" and not self.around.supports(key) for key in things)
         if self.trusts and fixed and self._is_only_furniture(whole):

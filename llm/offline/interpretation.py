@@ -10,11 +10,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from llm.offline import arranging
-from llm.offline.discourse import Discourse, Mention
+from llm.offline.discourse import Discourse, Mention, resolved
 from llm.offline.grounding import Grounded, Grounding
-from llm.offline.housekeeping import Housekeeping
 from llm.offline.intents import (
-    RELATIONS,
     Intent,
     IntentKind,
     Refusal,
@@ -27,17 +25,13 @@ from llm.offline.intents import (
     no_action,
     order_for_one_hand,
 )
-from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
+from llm.offline.names import singulars
+from llm.offline.placing import SPOTS, Placing, placings
+from llm.offline.reader import Command, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
-from oag.model.where import Where
+from llm.offline.words import Direction
 
-_SPOTS: Mapping[Direction, str] = {
-    "NEXT": "next to",
-    "LEFTOF": "left of",
-    "RIGHTOF": "right of",
-    "BEHIND": "behind",
-    "INFRONT": "in front of",
-}
+_IN_OR_ON: Mapping[Relation, str] = {"inside": "in", "ontop": "on"}
 _INTO_OR_ONTO = ("INTO", "IN", "ONTO", "ON")
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
@@ -45,7 +39,8 @@ _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind
 def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Return the request of one reading, in an order for one hand, and the assumptions."""
     wishes = _IntentBuilder(grounding, Discourse(grounding.around))
-    for command, following in zip(reading, (*reading[1:], None), strict=True):
+    commands = resolved(reading, grounding)
+    for command, following in zip(commands, (*commands[1:], None), strict=True):
         wishes.add(command, following)
     if not wishes.intents:
         raise Refusal("not-understood", "it does not say what to do there")
@@ -64,7 +59,7 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
 
 
 @dataclass(slots=True)
-class _IntentBuilder(Housekeeping):
+class _IntentBuilder(Placing):
     """Intents so far; the state after them determines the meaning of the next words."""
 
     discourse: Discourse
@@ -72,6 +67,7 @@ class _IntentBuilder(Housekeeping):
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
+    called: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.start = self.grounding.around
@@ -99,6 +95,7 @@ class _IntentBuilder(Housekeeping):
                 # "Move the can from the table and put it in the bin".
                 command = replace(command, kind="pick")
             mention = self._wished(command, placed)
+        mention = self._along(mention)
         if command.kind not in ("goto", "find") and self.reached is not None:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
@@ -118,6 +115,14 @@ class _IntentBuilder(Housekeeping):
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
 
+    def _along(self, mention: Mention) -> Mention:
+        """Return a mention without what moves along: the fork put into the pan, in "put both on the table"."""
+        held = {i.target: i.destination for i in self.intents if not i.kind.is_about_a_door}
+        goals = {i.target: (i.destination, i.relation) for i in mention.intents if i.kind is IntentKind.PLACE}
+        along = {key for key, goal in goals.items() if goal == goals.get(held.get(key) or "")}
+        self.notes += [f"{key} moves along with {held[key]}" for key in goals if key in along]
+        return replace(mention, intents=tuple(intent for intent in mention.intents if intent.target not in along))
+
     def _found(self, command: Command, following: Command | None) -> Mention:
         """Return the mention of things that are to be found, which is a part of what is done with them next."""
         places = () if following is None else (following.source, following.destination)
@@ -132,7 +137,8 @@ class _IntentBuilder(Housekeeping):
         fixtures = [key for key in ids if not self._is_item(key)]
         # "It" is none of several pieces of furniture.
         place = fixtures[0] if len(fixtures) == 1 else None
-        return Mention(tuple(Intent(IntentKind.PICK, key) for key in ids if self._is_item(key)), place)
+        intents = tuple(Intent(IntentKind.PICK, key) for key in ids if self._is_item(key))
+        return Mention(intents, place, plural=self._is_plural(command.objects))
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -199,10 +205,15 @@ class _IntentBuilder(Housekeeping):
         if command.kind == "pick" and as_one and held_at is not None and not placed:
             return Mention(self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True)
         if command.destination is None or place is None:
-            return Mention(
-                tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets), origin, as_one
-            )
+            intents = tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets)
+            return Mention(intents, origin, as_one, self._is_plural(command.objects))
         return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+
+    def _is_plural(self, phrases: Sequence[NounPhrase]) -> bool:
+        """Decide whether the one name is a plural that names a single thing, such as "the keys"."""
+        words, names = phrases[0].words, self.grounding.names
+        ones = [names.by_name(one).ids for one in singulars(words[-1])]
+        return len(phrases) == 1 and bool(ids := names.by_name(words[-1]).ids) and ids in ones
 
     def _put_somewhere(self, command: Command, ids: Sequence[str]) -> Mention:
         """Return the intents that put things where they usually are, or where the robot has been sent."""
@@ -225,15 +236,17 @@ class _IntentBuilder(Housekeeping):
         self.notes += (
             f'"{at.preposition} {at.phrase}" says which {phrase.words[-1]} is meant, and not where anything is put'
             for phrase in (*command.objects, command.destination.phrase)
-            if (at := phrase.location) is not None and at.direction in _SPOTS
+            if (at := phrase.location) is not None and at.direction in SPOTS
         )
+        there, place = self._below(command.destination, place)
+        command = replace(command, destination=there)
         loads = self._loads(command, targets, place)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
-            return (*loads, *_placings(ids, host.relation, host.object_id, spot))
-        relation = self._relation(command.destination, ids, place)
-        carried = self._carried(place, command.destination)
-        return (*loads, *_placings(ids, relation, place.object_id, place.part), *carried)
+            return (*loads, *placings(ids, host.relation, host.object_id, spot))
+        relation = self._relation(there, ids, place)
+        carried = self._carried(place, there)
+        return (*loads, *placings(ids, relation, place.object_id, place.part), *carried)
 
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
         """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
@@ -263,12 +276,18 @@ class _IntentBuilder(Housekeeping):
         }
         can, at = around.affordances[vessel], command.objects[0].load_at
         relation: Relation = "ontop" if at == "ON" or (at != "IN" and not can.interior) else "inside"
-        loads = _placings(tuple(lacking), relation, vessel)
+        only: Relation | None = None if can.interior is can.surface else "inside" if can.interior else "ontop"
+        holders = [key for key in lacking if around.affordances[key].interior or around.affordances[key].surface]
+        if only not in (None, relation) and lacking and not holders and not command.objects[0].load_apart:
+            # "A cup with a spoon on it" has it inside, and "a plate with a fork in it" on top.
+            self.notes.append(f'"{command.objects[0]}" has it {_IN_OR_ON[only]} {vessel}: there is no other way')
+            relation = only
+        loads = placings(tuple(lacking), relation, vessel)
         if lacking and at == "FROM":
             check_item(vessel, around)
             if any(self._goes_along(key, phrase, vessel) for key, phrase in lacking.items()):
                 raise self._with(command, loads, place)
-            where = f"{'in' if relation == 'inside' else 'on'} {vessel}"
+            where = f"{_IN_OR_ON[relation]} {vessel}"
             elsewhere = f"since {'it is' if len(lacking) == 1 else 'they are'} elsewhere"
             self.notes.append(f'"{command.objects[0]}" is taken for {enumeration(lacking)} {where}, {elsewhere}')
         return loads
@@ -286,7 +305,7 @@ class _IntentBuilder(Housekeeping):
         instead: list[Request] = []
         if command.destination is not None and self._spot(command, place) is None:
             relation = self._relation(command.destination, [vessel], place)
-            moved = _placings((vessel, *items), relation, place.object_id, place.part)
+            moved = placings((vessel, *items), relation, place.object_id, place.part)
             instead = [Request(moved), Request((*loads, moved[0]))]
         together = f"{enumeration((vessel, *items))}, or {vessel} holding {enumeration(items)}"
         problem = f'"{command.objects[0]}" can mean {together}, as the scene does not state it'
@@ -300,25 +319,7 @@ class _IntentBuilder(Housekeeping):
             return ()
         goal = self._destination(there, [place.object_id])
         self.notes += [f'"{spoken.phrase}" is nowhere, so that {place.object_id} is put there', *goal.notes]
-        return _placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
-
-    def _on_its_side(self, place: Location, grounded: Grounded) -> Location:
-        """Return "on the table" for "on the left side of the table", which is a part of it and no place next to it."""
-        can = self.grounding.around.affordances[grounded.object_id]
-        next_to = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
-        if next_to or not can.surface or self._hosts(grounded.object_id):
-            return place
-        self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
-        return replace(place, direction="ON", loose=True)
-
-    def _spot(self, command: Command, place: Grounded) -> Where | None:
-        """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
-        relation = None if command.destination is None else _SPOTS.get(command.destination.direction)
-        if relation is None or not self._hosts(place.object_id):
-            return None
-        if relation != "next to":
-            self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
-        return Where(relation, place.object_id)
+        return placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
 
     def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
         """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
@@ -332,7 +333,7 @@ class _IntentBuilder(Housekeeping):
         if self.reached is None:
             return self.discourse.mentions[-1]
         place = Location("TO", NounPhrase((self.reached,)), "to")
-        return Mention(_placings(ids, self._relation(place, ids, Grounded(self.reached)), self.reached))
+        return Mention(placings(ids, self._relation(place, ids, Grounded(self.reached)), self.reached))
 
     def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         if command.destination is None:
@@ -363,15 +364,19 @@ class _IntentBuilder(Housekeeping):
         taken = set(self.taken) if command.kind not in ("open", "close") else set()
         moved = tuple(intent.target for intent in self.intents if intent.kind is IntentKind.PLACE)
         unclear: list[Refusal] = []
+        called: dict[str, str] = {}
         for phrase in command.objects:
             try:
-                phrase = self.grounding.other(phrase, self.discourse.spoken)
+                # In "the mug on the table and the other mug on the sofa" a place ends the one command.
+                here = () if any(one.location for one in command.objects) else (one.object_id for one in found)
+                phrase = self.grounding.other(phrase, self.discourse.spoken.union(here))
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
                 rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
                 before = self.discourse.spoken if phrase.another else ()
                 meant = self._target(command, phrase, source, rather_not, {*taken, *others, *before})
                 if phrase.whichever and command.kind not in ("open", "close", "pick"):
                     self.taken.update(grounded.object_id for grounded in meant)
+                self._check_called(command, phrase, meant, called)
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -419,6 +424,25 @@ class _IntentBuilder(Housekeeping):
             phrase = replace(phrase, load=())
         return self.grounding.every(phrase, source, avoided, taken)
 
+    def _check_called(
+        self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, str]
+    ) -> None:
+        """Refuse two names of one thing where each is to be moved; a pronoun is no name.
+
+        "The ladle and the spoon" are two things, and "put the pan there and the frying pan here" moves two. "The white
+        cloth" of an earlier command can be "the same cloth" of a later one.
+        """
+        if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
+            return
+        key, name = meant[0].object_id, str(replace(phrase, location=None, load=()))
+        before, earlier = called.setdefault(key, name), name
+        if command.kind in ("place", "toss"):
+            earlier = self.called.setdefault(key, name)
+        if key not in (before, earlier, name) and (before != name or not _is_again(name, earlier)):
+            before = before if before != name else earlier
+            problem = f'"{before}" and "{name}" name two things, and the scene has {key} alone for both'
+            raise Refusal("several-objects", problem)
+
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
         """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
         if not all(grounded.by_door for grounded in meant):
@@ -463,7 +487,7 @@ class _IntentBuilder(Housekeeping):
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = tuple(step.object_id for key in targets for step in self.grounding.around.supports(key))
-            phrase = self.grounding.other(place.phrase, self.discourse.spoken, hosts)
+            phrase = self.grounding.other(place.phrase, self.discourse.spoken.union(targets), hosts)
             there, taken = phrase.location, (*hosts, *self.discourse.spoken) if phrase.another else ()
             # "A bowl on the table", and "egg into bowl on table", which leaves out every article.
             any_one = phrase.whichever or (self.grounding.trusts and not phrase.definite)
@@ -487,47 +511,6 @@ class _IntentBuilder(Housekeeping):
             raise Refusal("missing-place", "it does not say where to")
         return Grounded(self._spoken_of(place.phrase, fits))
 
-    def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
-        """Decide whether the preposition means inside or on top; "to" means what the destination affords."""
-        where = destination.object_id
-        both = [Request(_placings(targets, relation, where)) for relation in RELATIONS]
-        self._check_direction(place, targets, destination)
-        can = self.grounding.around.affordances[where]
-        if place.direction in ("INTO", "IN"):
-            boards = self._is_in_by_on(where)
-            if (place.loose or boards) and can.surface and not can.interior:
-                return "ontop"
-            if destination.by_surface:
-                problem = f'"{place.phrase}" names the top of {where}, which has no interior'
-                raise Refusal("affordance", problem, instead=both)
-            return "inside"
-        shelf = destination.part is not None and destination.part.part == "shelf"
-        if place.direction in ("ONTO", "ON") and shelf and can.interior:
-            return "inside"  # A shelf of a refrigerator is in it.
-        if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
-            return "ontop"
-        if destination.hollow and can.interior:
-            return "inside"  # "To the top drawer of the cabinet".
-        if can.interior and can.surface:
-            problem = f'"{place.preposition} {where}" can mean inside it or on top of it'
-            raise Refusal("ambiguous-relation", problem, instead=both)
-        if not can.interior and not can.surface:
-            raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
-        return "inside" if can.interior else "ontop"
-
-    def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
-        """Raise the refusal of a preposition that only distinguishes objects."""
-        if place.direction in REFERENCE_DIRECTIONS:
-            host = next(iter(self._hosts(destination.object_id)), None)
-            known = [key for key in targets if key in self.grounding.around.scene.objects]
-            near = () if host is None or not known else (Request(_placings(known, host.relation, host.object_id)),)
-            raise Refusal(
-                "unsupported-relation",
-                f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
-                f'"{place.preposition}" {destination.object_id}',
-                instead=near,
-            )
-
     def _clear(self, command: Command, *, guess: bool) -> Mention:
         phrase = command.objects[0]
         direction: Direction = "FROM"
@@ -548,7 +531,7 @@ class _IntentBuilder(Housekeeping):
             return Mention(self._anywhere(ids, cleared, guess=guess), cleared.object_id, True)
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
+        return Mention(placings(ids, relation, place.object_id), cleared.object_id, True)
 
     def _things(self, command: Command, source: Location | None = None) -> list[str]:
         """Return the items that a command is about."""
@@ -586,6 +569,11 @@ class _IntentBuilder(Housekeeping):
         return intents
 
 
+def _is_again(name: str, earlier: str) -> bool:
+    """Decide whether a name can repeat an earlier one: no word of it is new, as in "the white mug" and "the mug"."""
+    return {*name.split()} <= {*earlier.split(), "same"}
+
+
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
     "swap": _IntentBuilder._swapped,
     "stack": _IntentBuilder._stacked,
@@ -594,7 +582,3 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
     "bring": _IntentBuilder._brought,
     "tidy": _IntentBuilder._tidied,
 }
-
-
-def _placings(ids: Sequence[str], relation: Relation, place: str, where: Where | None = None) -> tuple[Intent, ...]:
-    return tuple(Intent(IntentKind.PLACE, key, relation, place, where) for key in ids)

@@ -34,7 +34,7 @@ class Category:
     """One category: all its names, those of its top such as "countertop", and what can be done with it.
 
     `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
-    `seat`: "in" it is on it.
+    `seat`: "in" it is on it. `fitted`: "under" it is in what of this category stands there.
     """
 
     names: tuple[str, ...]
@@ -43,6 +43,7 @@ class Category:
     waste: bool = False
     ground: bool = False
     seat: bool = False
+    fitted: str = ""
     compact: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -75,6 +76,7 @@ class Lexicon:
         units: Words that count what follows "of", such as "set" in "a set of keys".
         vessels: Words for what holds what follows "of", such as "bottle".
         anything: Words for any item, such as "object".
+        features: Words for parts of things that are not moved alone, such as "handle".
         landmarks: Words for what only says where furniture stands, such as "window"; a scene may lack it.
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
@@ -94,6 +96,7 @@ class Lexicon:
     units: frozenset[str]
     vessels: frozenset[str]
     anything: frozenset[str]
+    features: frozenset[str]
     landmarks: frozenset[str]
     beyond: Mapping[str, str]
     usual: tuple[Usual, ...]
@@ -129,6 +132,7 @@ class Lexicon:
             terminals=terminals,
             **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
+            features=frozenset(data.get("parts", {}).get("features", ())),
             landmarks=frozenset(data.get("landmarks", {}).get("names", ())),
             beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
             usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),
@@ -250,7 +254,12 @@ def _category(key: str, entry: Any) -> Category:
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
     kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat")}
-    return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances, **kind)
+    # "The seat of the sofa" is a part of it, and so is "the sofa seat".
+    parts = ("seat", "cushion") if kind["seat"] else ()
+    seats = tuple(f"{name} {part}" for name in entry["names"] for part in parts)
+    names = (*entry["names"], *seats, *surface_names)
+    fitted = str(entry.get("fitted", ""))
+    return Category(tuple(dict.fromkeys(names)), frozenset(surface_names), affordances, **kind, fitted=fitted)
 
 
 def _usual(entry: Any, categories: Mapping[str, Any]) -> Usual:

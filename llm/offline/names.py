@@ -10,8 +10,9 @@ from typing import Self, get_args
 import bddl
 from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
 from llm.offline.lexicon import Category, Lexicon, names_of, short_names
-from llm.offline.reader import NounPhrase, TaggedWord
+from llm.offline.reader import NounPhrase
 from llm.offline.viewpoint import COLORS, LEVELS, SIZES, stated_colors
+from llm.offline.words import TaggedWord
 from oag import Scene
 from oag.model.symbols import Kind, kind_of
 from oag.model.where import WHICH, Part, Where
@@ -119,6 +120,34 @@ class Names:
                 del kept[index]
         return tuple(kept)
 
+    def without_features(self, tokens: Sequence[TaggedWord]) -> tuple[tuple[TaggedWord, ...], tuple[str, ...]]:
+        """Return words without "with the blue handle" after the name of a thing, and what was left out.
+
+        A feature that something in the scene is called, such as a label, is a thing of its own.
+        """
+        kept: list[TaggedWord] = []
+        dropped: list[str] = []
+        index = 0
+        while index < len(tokens):
+            stop = self._feature_end(tokens, index) if kept and kept[-1].terminal == "WORD" else index
+            if stop > index:
+                dropped.append(" ".join(token.text for token in tokens[index:stop]))
+            else:
+                kept.append(tokens[index])
+            index = max(stop, index + 1)
+        return tuple(kept), tuple(dropped)
+
+    def _feature_end(self, tokens: Sequence[TaggedWord], start: int) -> int:
+        """Return where "with a long blue handle" ends that starts at a word; its start where there is none."""
+        if tokens[start].terminal != "WITH":
+            return start
+        stop = start + 1 + (tokens[start + 1 : start + 2] != () and tokens[start + 1].terminal in ("A", "DETERMINER"))
+        while stop < len(tokens) and tokens[stop].text in self.lexicon.descriptions:
+            stop += 1
+        is_one = stop < len(tokens) and tokens[stop].text in self.lexicon.features
+        ends = stop + 1 >= len(tokens) or tokens[stop + 1].terminal not in ("WORD", "DOOR", "OF")
+        return stop + 1 if is_one and ends and not self.by_name(tokens[stop].text).ids else start
+
     def _are_distinguished(self, one: str, other: str, name: Sequence[TaggedWord]) -> bool:
         """Decide whether two sizes, or two colours, tell those apart that the plural of a name means."""
         words = tuple(word.text for word in name)
@@ -139,7 +168,7 @@ class Names:
         """
         owners = [key for word in words[:-1] for key in self.by_name(word).ids]
         runs = (" ".join(words[start:stop]) for start, stop in combinations(range(len(words)), 2))
-        a_part = words[-1] == "shelf" and any(map(self._is_furniture, runs))
+        a_part = words[-1] == "shelf" and any(self._is_furniture(run) and not self._is_shelf(run) for run in runs)
         if not all(map(self.knows, words)) or a_part or any(self.affordances[key].door for key in owners):
             return Named((), " ".join(words))
         for start in range(1, len(words)):
@@ -152,6 +181,10 @@ class Names:
             if len(named.ids) == 1 and self.scene.objects[named.ids[0]].role == "A" and not known:
                 return replace(named, descriptions=(*words[:start], *named.descriptions))
         return Named((), " ".join(words))
+
+    def _is_shelf(self, name: str) -> bool:
+        """Decide whether a name is one of shelves, so that "the bookcase shelf" is one thing named twice."""
+        return self.lexicon.category_of("shelf") in self.lexicon.owners(name)
 
     def _is_furniture(self, name: str) -> bool:
         """Decide whether a name is one of furniture, in the scene or not."""
@@ -200,6 +233,19 @@ class Names:
             raise self.without((whole,), front, by_name=True)
         return Named((whole,), " ".join(phrase.words), before, by_door=True)
 
+    def drawer_apart(self, whole: str, phrase: NounPhrase) -> Named | None:
+        """Return the only drawer of the scene for "the top drawer of the desk", where the desk has none of its own."""
+        which = self.which(phrase.words[:-1])
+        named = self.by_name("drawer")
+        levels = all(word in LEVELS for word in which) and len(which) + 1 == len(phrase.words)
+        if phrase.words[-1] != "drawer" or not levels or self.affordances[whole].door or len(named.ids) != 1:
+            return None
+        if self.scene.objects[named.ids[0]].role != "A" or named.passed_over or named.ids[0] == whole:
+            return None
+        sides = () if phrase.side is None else (phrase.side,)
+        note = f"{named.ids[0]} is the only drawer, and is taken for one of {whole}"
+        return replace(named, descriptions=(*which, *sides), notes=(note,))
+
     def without(self, ids: Iterable[str], front: Front, *, by_name: bool) -> Refusal:
         """Return the refusal of a door or drawer that objects are not known to have."""
         can_open = [key for key in ids if self.affordances[key].door]
@@ -232,6 +278,12 @@ class Names:
                 yield from ((*before, *of[:-1], last, unit) for last in (of[-1], *singulars(of[-1])))
             if unit in self.lexicon.units:
                 yield (*before, *of)
+
+    def are_vessels(self, unit: str, of: tuple[str, ...]) -> bool:
+        """Decide whether all that "cleaner" names are bottles, so that "two bottles of cleaner" are two of them."""
+        named = set(self.described(of).ids)
+        units = (one for one in (unit, *singulars(unit)) if one in self.lexicon.vessels)
+        return bool(named) and any(named.issubset(self.by_name(one).ids) for one in units)
 
     def meant(self, *wanted: str) -> str:
         """Return the question whether one of the nearest names was meant; empty if none is near."""

@@ -1,4 +1,4 @@
-"""Parse a query: text to tagged words, and these to every reading that the grammar allows; generate paraphrases.
+"""Parse a query's tagged words to every reading that the grammar allows; generate paraphrases.
 
 Paraphrases are other sentences for one wish, for data sets that teach language. The grammar reads each of them
 as it reads the original sentence.
@@ -6,28 +6,20 @@ as it reads the original sentence.
 
 from __future__ import annotations
 
-import re
-import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from llm.offline.intents import Front
 from llm.offline.lexicon import Lexicon, built_in
+from llm.offline.words import PREPOSITIONS, Direction, TaggedWord, read_words
 from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
     "tidy", "toss", "find", "away",
-]  # fmt: skip
-# Terminal of the preposition: TO and FROM do not distinguish inside and on top; OUTOF does where there is an interior.
-# Those of the second line distinguish objects, but no plan can achieve them.
-Direction = Literal[
-    "INTO", "IN", "ONTO", "ON", "TO", "FROM", "OUTOF",
-    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST",
 ]  # fmt: skip
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
     {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST"}
@@ -41,7 +33,6 @@ MAX_PREPOSITIONS_IN_A_ROW = 6
 MAX_JOINS = 16
 MAX_WORDS = 90
 TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
-_PREPOSITIONS = frozenset(get_args(Direction))
 _COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
 _INDEFINITE = frozenset({"TWO", "THREE", "FOUR"})
 _SIDES: dict[str, Side] = {
@@ -55,8 +46,6 @@ _SIDES: dict[str, Side] = {
     "FARTHEST": "farthest",
 }
 _TOWARDS = frozenset({"TOLEFT", "TORIGHT"})
-# After a verb of moving without a thing.
-_WAYS = _PREPOSITIONS - {"IN", "FROM", "OUTOF"} | {"THERE"}
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
@@ -65,15 +54,17 @@ class Location:
     """A preposition with its noun phrase: a destination, a source, or a place.
 
     `loose`: it names a part, such as "the edge of", at which nothing can be put exactly.
+    `other`: the second landmark of "between the sink and the stove", or place of "from the desk and the shelf".
     """
 
     direction: Direction
     phrase: NounPhrase
     preposition: str
     loose: bool = False
+    other: NounPhrase | None = None
 
     def __str__(self) -> str:
-        return f"{self.preposition} {self.phrase}"
+        return f"{self.preposition} {self.phrase}" + ("" if self.other is None else f" and {self.other}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +87,7 @@ class NounPhrase:
         side: Which of several is meant ("the left glass").
         towards: Whether the side may be where it shall go ("the glass to the left").
         load: What it holds, or shall hold ("the bowl with the apple in it").
+        load_apart: Whether that follows a place, whose load it may be ("put the cup on the desk with the keys on it").
         load_at: "IN" or "ON" it, "OUTOF" where it contains it, or "FROM" where "with" alone does not say so.
         definite: Whether it begins as "the bowl" does.
         elided: Whether it is not spoken ("pick up the mug and put in the sink").
@@ -116,6 +108,7 @@ class NounPhrase:
     side: Side | None = None
     towards: bool = False
     load: tuple[NounPhrase, ...] = ()
+    load_apart: bool = False
     load_at: Direction = "FROM"
     definite: bool = False
     elided: bool = False
@@ -195,7 +188,7 @@ def is_too_long(tokens: Sequence[TaggedWord]) -> bool:
     for token in tokens:
         if token.terminal in _JOINS:
             rows.append(0)
-        elif token.terminal in _PREPOSITIONS:
+        elif token.terminal in PREPOSITIONS:
             rows[-1] += 1
     return (
         max(rows) > MAX_PREPOSITIONS_IN_A_ROW
@@ -276,7 +269,7 @@ def _command(tree: Any) -> Command:
         elif rule in ("destination", "there"):
             destination = _place(child)
         elif rule == "load":
-            objects = (replace(objects[0], **_load(child)),)
+            objects = (replace(objects[0], **_load(child), load_apart=True),)
         elif rule == "location":
             objects = (NounPhrase(("everything",), location=_place(child), several=True, everything=True),)
         elif rule == "things":
@@ -329,14 +322,17 @@ def _place(tree: Any) -> Location:
         # "On the left table".
         words, states, door = _noun(_subtrees(tree)[-1])
         return Location("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
-    prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
+    prepositions = [child for child in tree.children if not _is_tree(child) and child.type in PREPOSITIONS]
     if tree.data == "there":
         # "Put it inside", "put it in there": into an object mentioned before.
         direction: Direction = prepositions[0].type if prepositions else "TO"
         return Location(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
     parts = [str(child) for child in tree.children if not _is_tree(child) and child.type == "PARTOF"]
     spoken = " ".join((*map(str, prepositions), *parts))
-    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), spoken, loose=bool(parts))
+    named = _phrases(tree)
+    if prepositions[-1].type in ("BETWEEN", "FROM") and len(named) == 2:
+        return Location(prepositions[-1].type, named[0], spoken, other=named[1])
+    return Location(prepositions[-1].type, named[-1], spoken, loose=bool(parts))
 
 
 def _load(tree: Any) -> dict[str, Any]:
@@ -419,161 +415,6 @@ def _subtrees(tree: Any) -> list[Any]:
 
 def _is_tree(node: Any) -> bool:
     return hasattr(node, "children")
-
-
-_PUNCTUATION = {",": "COMMA", ".": "STOP", ";": "STOP", "!": "STOP", "?": "STOP", ":": "COMMA"}
-# The mark of an entry in a list: "1. open it 2. ...", "step 1: ...", a bullet at the beginning of a line.
-_ITEM = re.compile(r"(?:(?:^|(?<=\s))(?:step\s+)?\(?\d{1,2}[.):](?=\s)|(?m:^)[ \t]*[-*\u2022](?=\s))")
-_PIECE = re.compile(
-    r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b)(?=\w))*)|(?P<mark>[,.;!?:])|(?P<and>&)|(?P<sign>\S)"
-)
-# Quotation marks, brackets, dashes and invisible characters are ignored; any other sign is an unknown word.
-_SILENT_MARKS = frozenset("\"'`*_")
-_SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})
-_ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
-
-
-@dataclass(frozen=True, slots=True)
-class TaggedWord:
-    """A word or phrase of the query with its terminal of the grammar."""
-
-    terminal: str
-    text: str
-
-
-def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tuple[str, ...]]:
-    """Tokenize a query; return its tagged words, and the phrases dropped because they change nothing in a plan.
-
-    Words and signs that are not in the lexicon have the class WORD.
-
-    Args:
-        query: Any text; case, accents of punctuation and quotation marks do not matter.
-        lexicon: Known words. Longer phrases win over shorter ones.
-    """
-    pieces = _pieces(query)
-    longest = max((phrase.count(" ") + 1 for phrase in (*lexicon.terminals, *lexicon.courtesy)), default=1)
-    tokens: list[TaggedWord] = []
-    manner: list[str] = []
-    index = 0
-    while index < len(pieces):
-        for length in range(min(longest, len(pieces) - index), 0, -1):
-            phrase = " ".join(pieces[index : index + length])
-            following = pieces[index + length] if index + length < len(pieces) else ""
-            if " " in phrase and _begins_a_name(phrase, following, lexicon):
-                continue
-            if lexicon.terminals.get(phrase) == "PARTOF" and (not tokens or tokens[-1].terminal not in _PREPOSITIONS):
-                # "The head of lettuce".
-                continue
-            if phrase == "'s" and tokens and tokens[-1].terminal == "WORD" and not _is_named(following, lexicon):
-                # "Two cd's".
-                tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
-            elif phrase in lexicon.terminals:
-                terminal = lexicon.terminals[phrase]
-                if terminal in _VERBS_AS_NOUNS and tokens and _is_noun(phrase, tokens[-1], following, lexicon):
-                    terminal = "WORD"
-                if terminal == "PARTOF":
-                    manner.append(f"{tokens[-1].text} {phrase}" if tokens else phrase)
-                if terminal == "FIRST":
-                    terminal = _as_first(phrase, tokens, following, lexicon)
-                tokens.append(TaggedWord(terminal, phrase))
-            elif phrase in lexicon.manner or phrase in lexicon.rooms:
-                manner.append(phrase)
-            elif length == 1 and phrase not in lexicon.courtesy:
-                tokens.append(TaggedWord(_PUNCTUATION.get(phrase, "POSSESSIVE" if phrase == "'s" else "WORD"), phrase))
-            elif phrase not in lexicon.courtesy:
-                continue
-            index += length
-            break
-    return _in_context(tokens, lexicon), tuple(manner)
-
-
-def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWord, ...]:
-    """Return words with those left out or read otherwise whose neighbours decide what they are."""
-    tokens = list(words)
-    if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
-        # "To put the glass on the table".
-        del tokens[0]
-    for index, (one, after) in enumerate(pairwise(tokens)):
-        opens = index == 0 or tokens[index - 1].terminal in _ENDS
-        if opens and one.text in lexicon.stands and after.terminal in (*_BEFORE_NOUNS, "PRONOUN"):
-            tokens[index] = TaggedWord("PUT", one.text)
-        elif index and one.text == "to" and after.terminal == "PUT":
-            # "Take the mug to put it on the table".
-            tokens[index] = TaggedWord("THEN", "to")
-        elif one.terminal in ("PUT", "TAKE") and one.text in lexicon.goes and after.terminal in _WAYS:
-            # "Move to the table".
-            tokens[index] = TaggedWord("DRIVE", one.text)
-    later = (*tokens[1:], TaggedWord("STOP", ""))
-    pairs = zip(tokens, later, strict=False)
-    # Without "one at a time", two commas stand side by side.
-    repeated = ("COMMA", "COMMA")
-    return tuple(
-        one
-        for one, after in pairs
-        if (one.terminal != "TOO" or after.terminal in _ENDS) and (one.terminal, after.terminal) != repeated
-    )
-
-
-# Verbs that are nouns after an article and before "of".
-_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "DRIVE"})
-_IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
-_BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
-
-
-def _is_noun(phrase: str, before: TaggedWord, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a verb is a noun, as in "a set of keys" and "the candle stick"."""
-    counts = following == "of" and before.terminal in _BEFORE_NOUNS
-    return counts or (before.terminal == "WORD" and bool(lexicon.owners(f"{before.text} {phrase}")))
-
-
-def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon: Lexicon) -> str:
-    """Return the terminal of "first": a part of a name, nothing more than "then", or a limit that no rule reads."""
-    if phrase in lexicon.which and before and before[-1].terminal == "DETERMINER":
-        # "The first glass".
-        return "WORD"
-    opens = all(token.terminal in _ENDS for token in before)
-    ends = not following or _PUNCTUATION.get(following, lexicon.terminals.get(following)) in _ENDS
-    only = not any(token.terminal in _ENDS for token in before) or _is_one_wish(before)
-    return "THEN" if opens or (ends and only) else "LIMIT"
-
-
-def _is_one_wish(tokens: Sequence[TaggedWord]) -> bool:
-    """Decide whether words are one wish of several things: "put the mug and the cup into the bowl"."""
-    verbs = sum(token.terminal in _VERBS_AS_NOUNS and token.terminal != "DRIVE" for token in tokens)
-    joins = [index for index, token in enumerate(tokens) if token.terminal in _ENDS]
-    places = [index for index, token in enumerate(tokens) if token.terminal in _PREPOSITIONS]
-    listing = all(tokens[index].terminal in ("AND", "COMMA") for index in joins)
-    return verbs == 1 and listing and len(places) == 1 and joins[-1] < places[0]
-
-
-def _is_named(piece: str, lexicon: Lexicon) -> bool:
-    """Decide whether a word can belong to the name of a thing: unknown words, "drawer", and what stands before it."""
-    others = piece in lexicon.courtesy or lexicon.terminals.get(piece, "WORD") not in _IN_NAMES
-    return piece[:1].isalnum() and (not others or piece in lexicon.which)
-
-
-def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a phrase about room or order is none: "the kitchen table", "at the end of the table"."""
-    if lexicon.terminals.get(phrase) == "THEN" and following == "of":
-        return True
-    is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
-    return is_room and (_is_named(following, lexicon) or following == "of")
-
-
-def _pieces(query: str) -> list[str]:
-    text = unicodedata.normalize("NFKC", query).replace("\u2019", "'").casefold()
-    text = _ITEM.sub(" . ", text)
-    # "that's" is a phrase of its own; elsewhere 's marks the owner of a part.
-    pieces: list[str] = []
-    for match in _PIECE.finditer(text):
-        piece = match.group()
-        if match.lastgroup == "sign" and (piece in _SILENT_MARKS or unicodedata.category(piece) in _SILENT_CATEGORIES):
-            continue
-        if piece == "'s" and pieces and pieces[-1] in ("that", "let"):
-            pieces[-1] += piece
-        else:
-            pieces.append(piece)
-    return pieces
 
 
 @cache

@@ -11,7 +11,8 @@ import re
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from llm.offline.reader import Direction, Side
+from llm.offline.reader import Side
+from llm.offline.words import Direction
 from oag import Scene, SceneObject
 
 # Largest gap between the boxes of neighbouring objects.

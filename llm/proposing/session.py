@@ -14,7 +14,7 @@ from llm.client.transport import Image, Transport
 from llm.offline.grounding import Grounding
 from llm.offline.lexicon import built_in
 from llm.offline.names import singulars
-from llm.offline.planner import named_in
+from llm.offline.rereading import named_in
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import Prompt, Refused, concerned, fenced, render, scene_table

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from benchmarks.alfred_sentences import instructions, judged, main
+from benchmarks import alfred_sentences
+from benchmarks.alfred_sentences import drawn_instructions, instructions, judged, main
 
 TASKS = [
     {
@@ -40,6 +42,31 @@ def test_instructions_are_unique_sorted_and_judged_by_the_experts_plan(tmp_path:
     assert [len(found[2].scene.facts), found[2].moves] == [3, (("key_chain", "sofa"),) * 2]
 
 
+def test_draws_share_no_demonstration_and_no_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    params = {"object_target": "SaltShaker", "mrecep_target": "", "parent_target": "Drawer"}
+    told = [f"Store the {word} salt in the drawer" for word in ("big", "small", "red", "blue", "tall", "short")]
+    for number, text in enumerate([*told, told[0].upper(), "Lay the salt aside!"]):
+        folder = tmp_path / f"data/json_2.1.0/pick_and_place_simple-{number}/trial/pp"
+        folder.mkdir(parents=True)
+        annotation = {
+            "split": "train", "ann": {"repeat_idx": 0}, "turk_annotations": {"anns": [{"task_desc": text}]},
+            "pddl_params": params, "task_type": "pick_and_place_simple",
+        }  # fmt: skip
+        (folder / "ann_0.json").write_text(json.dumps(annotation), encoding="utf-8")
+    (tmp_path / "refined_valid_seen_commands.json").write_text(
+        json.dumps([{**TASKS[1], "original": ["lay the salt aside"]}]), encoding="utf-8"
+    )
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@example.org", "-C", str(tmp_path)]
+    for command in (["init", "-q"], ["add", "data"], ["commit", "-qm", "annotations"]):
+        subprocess.run([*git, *command], check=True)
+    monkeypatch.setattr(alfred_sentences, "_ANNOTATIONS", "HEAD")
+    draws = [[one.text for one in drawn_instructions(tmp_path, 2, ["simple"], [tmp_path], draw)] for draw in (1, 2, 3)]
+    assert [len(draw) for draw in draws] == [2, 2, 2] and {text for draw in draws for text in draw} == {
+        text.lower() for text in told
+    }
+    assert drawn_instructions(tmp_path, 2, ["simple"], [tmp_path], 4) == []
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -49,6 +76,8 @@ def test_instructions_are_unique_sorted_and_judged_by_the_experts_plan(tmp_path:
         (["--drawn", "5", "--half", "tuning"], "--half is not for --drawn"),
         (["--drawn", "5", "--tests"], "not allowed with"),
         (["--without", "."], "--without is for --drawn alone"),
+        (["--draw", "2"], "--draw is for --drawn alone"),
+        (["--drawn", "5", "--draw", "0"], "expected the number of a draw"),
         (["--tests"], "holds not the files"),
     ],
 )

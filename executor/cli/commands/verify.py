@@ -39,7 +39,7 @@ def execute(options: Options) -> int:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
     """
     from executor.cli.inputs import domain_in, query_in, refuse_existing, task_and_scene
-    from llm.offline.planner import other_readings
+    from llm.offline.rereading import other_readings
     from oag import Verdict, canonical_digest, compose
 
     if options.apply is not None and options.out is None:

@@ -12,7 +12,7 @@ import pytest
 import llm
 import oag
 from llm.offline.lexicon import Category, built_in
-from llm.offline.reader import TaggedWord, read_words
+from llm.offline.words import TaggedWord, read_words
 from oag.model.symbols import Kind, is_known, kind_of
 from tests.llm.kitchens import SCENES
 

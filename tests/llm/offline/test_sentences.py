@@ -9,7 +9,7 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.offline.planner import other_readings
+from llm.offline.rereading import other_readings
 from tests.llm.kitchens import SCENES
 from tests.oag.paper import NAMES, scene, task_json
 
