@@ -27,7 +27,7 @@ from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.proposal import Expanded
 from llm.proposing.session import ModuleSession, check_numbering
-from llm.structured.conversation import finding
+from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (
     fenced,
     predicate_table,
@@ -60,6 +60,8 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
+from oag.model.symbols import GRIPPER
+from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
 from oag.wellformed import check as check_form
@@ -161,19 +163,24 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
             once for confirmation.
     """
 
+    confirmed: set[str] = set()
+
     def check(answer: Understanding) -> Iterator[Diagnostic]:
-        if answer.problem and answer.goal:
+        # A remark at a goal that was asked about: small models comment on it there.
+        if answer.problem and answer.goal and answer.goal not in confirmed:
             hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
             yield finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint)
-        elif not answer.problem:
-            yield from _understanding_findings(answer, session.scene, expected)
+        elif answer.goal or not answer.problem:
+            found = list(_understanding_findings(answer, session.scene, expected))
+            confirmed.update([answer.goal] * (not errors_of(found)))
+            yield from found
         elif expected is not None:
             message = f"word by word the request asks for {bddl.format(expected)}, which can be planned in this scene"
             yield finding("answer/other-reading", message, "problem", severity="warning")
 
     places = {"query": fenced("request", session.query), "predicates": predicate_table()}
     answer = session.ask(1, Understanding, check, places, session.images)
-    if answer.problem:
+    if answer.problem and not answer.goal:
         reason = " ".join(answer.problem.split()).rstrip(".")[:400]
         raise QueryError("model-declined", session.query, f"the model says: {reason}")
     expanded = Expanded(answer.task_name, answer.task_message_detail)
@@ -246,22 +253,29 @@ class Decomposition(Answer):
     list_name: ClassVar[str] = "sub_tasks"
     sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
-    def subtasks(self) -> tuple[SimpleTask, ...]:
-        """Return the simple tasks, without formulas and flows yet; one that picks up and puts down is two."""
-        tasks: list[SimpleTask] = []
+    def resolved(self) -> Decomposition:
+        """Return the decomposition in which an entry that picks up and puts down is two."""
+        entries: list[SubtaskRoles] = []
         held = ""
         for entry in self.sub_tasks:
             target, (start, end) = entry.target, entry.supports
             if start and end and start != end and held != target:
-                tasks.append(_unplanned(f"pick_up_{target}", f"pick up {target} from {start}", target, start, None))
-                start = None
-            tasks.append(_unplanned(entry.task_activity_name, entry.detail, target, start, end))
+                taking = {"task_activity_name": f"pick_up_{target}", "support_goal": "", "task_detail_message": ""}
+                entries += [entry.model_copy(update=taking), entry.model_copy(update={"support_init": ""})]
+            else:
+                entries.append(entry)
             held = target if start and not end else ""
-        return tuple(tasks)
+        if len(entries) == len(self.sub_tasks) or check_numbering(self.sub_tasks):
+            return self
+        numbered = [one.model_copy(update={"sub_task": n}) for n, one in enumerate(entries, start=1)]
+        return self.model_copy(update={"sub_tasks": numbered})
 
-
-def _unplanned(name: str, detail: str, target: str, start: str | None, end: str | None) -> SimpleTask:
-    return SimpleTask(name, detail, target, start, end, init=UNREADABLE, goal=UNREADABLE)
+    def subtasks(self) -> tuple[SimpleTask, ...]:
+        """Return the simple tasks, without formulas and flows yet."""
+        return tuple(
+            SimpleTask(one.task_activity_name, one.detail, one.target, *one.supports, init=UNREADABLE, goal=UNREADABLE)
+            for one in self.resolved().sub_tasks
+        )
 
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
@@ -269,16 +283,17 @@ def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTas
     answer = session.ask(
         2,
         Decomposition,
-        lambda given: _decomposition_findings(given, session.scene),
+        lambda given: _decomposition_findings(given, understood.goal, session.scene),
         {"task": understood.text()},
         about=understood.about(session.scene),
     )
     return answer.subtasks()
 
 
-def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
+def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
     yield from check_numbering(answer.sub_tasks)
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
+    yield from _handling_findings(answer.subtasks(), goal, scene)
     for index, entry in enumerate(answer.sub_tasks):
         thing = scene.objects.get(entry.target)
         if thing is not None and thing.role == "A" and any(entry.supports):
@@ -289,10 +304,40 @@ def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Dia
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
         stated = entry.bddl_category
+        earlier = [n for n, other in enumerate(answer.sub_tasks[:index]) if other.target == entry.target]
+        if earlier and _same_again(answer.sub_tasks[earlier[-1]], entry):
+            message = f"it is T{earlier[-1] + 1} again, which nothing has undone: name and roles are the same"
+            hint = "name each subtask for what it does, such as open_... and close_..., or leave one out"
+            yield finding("answer/same-again", message, f"T{index + 1} {entry.task_activity_name}", subtask=index, hint=hint)
         if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
             message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"
             place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
             yield finding("answer/category", message, place, subtask=index)
+
+
+def _handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
+    """Yield what the roles alone show: a thing that is put down but never picked up, or never put where it shall be."""
+    facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+    taken = {one.atom.args[0] for one in facts if one.value and one.atom.args[1:] == (GRIPPER,)}
+    for index, part in enumerate(subtasks):
+        taken |= {part.target} if part.support_init else set()
+        if part.support_goal and part.target not in taken:
+            place = subtask_place(bare_task(scene, subtasks), index)
+            hint = f"before it, a subtask with target {part.target} and as support_init what it stands in or on"
+            yield finding("answer/not-held", f"nothing picks {part.target} up before", place, subtask=index, hint=hint)
+    put = {(part.target, part.support_goal) for part in subtasks}
+    for literal in bddl.literals(goal) or ():
+        if literal.value and literal.atom.predicate in RESTING and literal not in facts:
+            thing, where = literal.atom.args
+            # What cannot be carried is a mistake of the goal, which the graph finds.
+            if where != GRIPPER and (thing, where) not in put and scene[thing].role == "B":
+                message = f"no subtask puts {thing} where the goal has it: {bddl.format(literal.atom)}"
+                hint = f"give the subtask that puts {thing} down the support_goal {where}, and one before it picks it up"
+                yield finding("answer/not-put", message, "sub_tasks", hint=hint)
+
+
+def _same_again(one: SubtaskRoles, other: SubtaskRoles) -> bool:
+    return (one.task_activity_name, one.supports) == (other.task_activity_name, other.supports)
 
 
 class SubtaskConditions(SubtaskAnswer):
@@ -471,6 +516,13 @@ class Flows(Answer):
         )
 
 
+# A small model copies the flow of an example for everything: it has one of each kind.
+_EXAMPLE_FLOWS = [
+    {"sub_task": number, "flow": [step.name for step in flow]}
+    for number, flow in enumerate((usual_flows.OPEN, usual_flows.PICK, usual_flows.PLACE, usual_flows.CLOSE), start=1)
+]
+
+
 def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
     """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does."""
     templates = (f"- {kind}: {', '.join(primitive.name for primitive in flow)}" for kind, flow in TEMPLATES.items())
@@ -479,7 +531,7 @@ def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping
         "primitives": primitives_text(),
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
-        "example": json.dumps([step.name for step in usual_flows.PICK]),
+        "example": json.dumps({"sub_tasks": _EXAMPLE_FLOWS}),
     }
 
     def check(answer: Flows) -> Iterable[Diagnostic]:
