@@ -36,7 +36,15 @@ from oag.model.actions import ActionFlow
 from oag.model.diagnostics import SCALES, TASK_GOAL
 from oag.primitives.state import contradictions
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
-from oag.verify.edits import ChangeSubtask, DeleteSubtask, InsertSubtask, MoveSubtask, SetFlow, SetTaskGoal, SwapSubtasks
+from oag.verify.edits import (
+    ChangeSubtask,
+    DeleteSubtask,
+    InsertSubtask,
+    MoveSubtask,
+    SetFlow,
+    SetTaskGoal,
+    SwapSubtasks,
+)
 
 # A finding of the graph goes to the modules that can correct it: by its verified fix, else by its code. A model cannot
 # change facts of the scene. It can change the task goal only where no plan can reach it. Such fixes are not shown.

@@ -65,6 +65,7 @@ from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
 from oag.wellformed import check as check_form
+from oag.wellformed import kind_problem
 
 
 def _involved(subtasks: Iterable[SimpleTask]) -> set[str]:
@@ -303,12 +304,18 @@ def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Sc
             hint = "name the item as the target; supports are for what is carried"
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
+        elif thing is not None and not any(entry.supports) and kind_problem(bddl.Atom("open", (thing.id,)), scene):
+            message = f"without a support it would be opened or closed, and {thing.id} has no door"
+            hint = "leave it out, or name what the item is taken from or put at"
+            place = f"T{index + 1} {entry.task_activity_name}, target"
+            yield finding("answer/target", message, place, subtask=index, hint=hint)
         stated = entry.bddl_category
         earlier = [n for n, other in enumerate(answer.sub_tasks[:index]) if other.target == entry.target]
         if earlier and _same_again(answer.sub_tasks[earlier[-1]], entry):
             message = f"it is T{earlier[-1] + 1} again, which nothing has undone: name and roles are the same"
             hint = "name each subtask for what it does, such as open_... and close_..., or leave one out"
-            yield finding("answer/same-again", message, f"T{index + 1} {entry.task_activity_name}", subtask=index, hint=hint)
+            place = f"T{index + 1} {entry.task_activity_name}"
+            yield finding("answer/same-again", message, place, subtask=index, hint=hint)
         if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
             message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"
             place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
@@ -332,7 +339,7 @@ def _handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene
             # What cannot be carried is a mistake of the goal, which the graph finds.
             if where != GRIPPER and (thing, where) not in put and scene[thing].role == "B":
                 message = f"no subtask puts {thing} where the goal has it: {bddl.format(literal.atom)}"
-                hint = f"give the subtask that puts {thing} down the support_goal {where}, and one before it picks it up"
+                hint = f"give the subtask that puts {thing} down the support_goal {where}; one before it picks it up"
                 yield finding("answer/not-put", message, "sub_tasks", hint=hint)
 
 

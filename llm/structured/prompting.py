@@ -21,7 +21,18 @@ import bddl
 from llm.client.transport import ChatRequest, Message, Part
 from llm.structured.conversation import INSPECTOR, SPOTTER, SUPERVISOR
 from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
-from oag.model.symbols import ANY, EMPTY, GRIPPER, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
+from oag.model.symbols import (
+    ANY,
+    EMPTY,
+    GRIPPER,
+    Fact,
+    ParameterKind,
+    Value,
+    fact_text,
+    gripping,
+    holding,
+    parameter_kind,
+)
 from oag.primitives.cargo import RESTING
 from oag.primitives.table import Context, Placement, effect, requirements
 from oag.wellformed import kind_problem
@@ -105,7 +116,7 @@ class Refused:
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
         fixes = list(dict.fromkeys(fix for found in shown for fix in found.fixes))
-        changes = f"A change that was checked and works:\n\n{fenced('change', chr(10).join(fixes))}\n\n" if fixes else ""
+        changes = ("A change that was checked and works:", fenced("change", "\n".join(fixes)), "") if fixes else ()
         if all(found.severity != "error" for found in self.findings):
             closing = "Mend every point that is right. Only if the query means your answer, give the same answer again."
         elif self.entries:
@@ -114,7 +125,7 @@ class Refused:
         else:
             closing = "Mend every point, keep the rest as it is, and answer again in full."
         findings = fenced("findings", "\n\n".join(listed))
-        texts = {"findings": findings, "before": before, "changes": changes, "closing": closing}
+        texts = {"findings": findings, "before": before, "changes": "\n\n".join(changes), "closing": closing}
         return render("structured/feedback", **texts, form=form_of(schema))
 
 

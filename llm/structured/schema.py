@@ -64,7 +64,7 @@ class Answer(BaseModel):
         return self
 
     def with_entries(self, other: Self) -> Self:
-        """Return this answer with the numbered entries of another one in place of its own; the other where it is whole."""
+        """Return this answer with the numbered entries of another one in place of its own, or another whole answer."""
         mine, theirs = (getattr(one, self.list_name) for one in (self, other))
         changed = {entry.sub_task: entry for entry in theirs}
         if len(theirs) >= len(mine) or len(changed) < len(theirs) or not changed.keys() <= {e.sub_task for e in mine}:

@@ -15,7 +15,16 @@ from llm.proposing import model_proposer
 from llm.proposing.model_proposer import ModelProposer, charges
 from oag.model.actions import flow_from_json
 from tests.json_edits import altered
-from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of, without_subtask
+from tests.llm.scripted_modules import (
+    QUERIES,
+    Script,
+    Wrong,
+    module_of,
+    right_answers,
+    scene_of,
+    task_of,
+    without_subtask,
+)
 
 T1 = task_of("T1")
 
