@@ -142,15 +142,32 @@ class Understood:
     goal: bddl.Formula
 
     def about(self, scene: Scene) -> set[str]:
-        """Return the names that the goal has once its quantifiers are expanded."""
-        return {name for atom in bddl.ground(self.goal, scene.categories).atoms for name in atom.args}
+        """Return the names that the goal at stake has once its quantifiers are expanded."""
+        goal = self.at_stake(scene)
+        return {name for atom in bddl.ground(goal, scene.categories).atoms for name in atom.args}
 
-    def text(self) -> str:
+    def at_stake(self, scene: Scene) -> bddl.Formula:
+        """Return the goal without parts that hold at the start and are about nothing that the rest concerns.
+
+        A small model makes a subtask of each part that it reads.
+        """
+        parts = bddl.conjuncts(self.goal)
+        stated = {literal for fact in scene.facts for literal in bddl.conjuncts(fact)}
+        near = {name for part in parts if part not in stated for atom in bddl.atoms(part) for name in atom.args}
+        inside = [atom.args for fact in stated for atom in bddl.atoms(fact) if atom.predicate == "inside"]
+        while more := {container for thing, container in inside if thing in near} - near:
+            near |= more
+        kept = [part for part in parts if part not in stated or any(near & {*a.args} for a in bddl.atoms(part))]
+        if len(kept) in (0, len(parts)):
+            return self.goal
+        return bddl.parse_formula(f"(and {' '.join(map(bddl.format, kept))})" if kept[1:] else bddl.format(kept[0]))
+
+    def text(self, scene: Scene) -> str:
         """Return module 1's answer as text for the prompts of the later modules."""
         lines = [
             f"task_name: {self.expanded.task_name}",
             f"task_message_detail: {self.expanded.task_message_detail}",
-            f"goal: {bddl.format(self.goal)}",
+            f"goal: {bddl.format(self.at_stake(scene))}",
         ]
         return fenced("task", "\n".join(lines))
 
@@ -213,9 +230,11 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
         hint = "say what has to change; if the request asks for what is so already, say that under problem"
         yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
     if expected is not None and not bddl.equivalent(goal, expected, scene.categories):
-        message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
+        literal = bddl.format(expected)
+        message = f"word by word the request asks for {literal}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
-        yield finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+        doubt = finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+        yield replace(doubt, fixes=(f"goal: {literal}",))
 
 
 class SubtaskRoles(SubtaskAnswer):
@@ -285,7 +304,7 @@ def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTas
         2,
         Decomposition,
         lambda given: _decomposition_findings(given, understood.goal, session.scene),
-        {"task": understood.text()},
+        {"task": understood.text(session.scene)},
         about=understood.about(session.scene),
     )
     return answer.subtasks()
@@ -332,6 +351,11 @@ def _handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene
             place = subtask_place(bare_task(scene, subtasks), index)
             hint = f"before it, a subtask with target {part.target} and as support_init what it stands in or on"
             yield finding("answer/not-held", f"nothing picks {part.target} up before", place, subtask=index, hint=hint)
+        if part.support_goal and part.support_goal == part.support_init:
+            message = f"it puts {part.target} back where it takes it from, {part.support_goal}"
+            hint = "leave support_init empty where the hand holds the target already"
+            place = subtask_place(bare_task(scene, subtasks), index)
+            yield finding("answer/not-put", message, place, subtask=index, hint=hint)
     put = {(part.target, part.support_goal) for part in subtasks}
     for literal in bddl.literals(goal) or ():
         if literal.value and literal.atom.predicate in RESTING and literal not in facts:
@@ -373,7 +397,7 @@ def instantiate(
 ) -> tuple[SimpleTask, ...]:
     """Ask module 3 for initial states and goals of the simple tasks; raises as `ModuleSession.ask` does."""
     places = {
-        "task": understood.text(),
+        "task": understood.text(session.scene),
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "predicates": predicate_table(),
     }

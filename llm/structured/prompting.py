@@ -116,14 +116,16 @@ class Refused:
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
         fixes = list(dict.fromkeys(fix for found in shown for fix in found.fixes))
-        changes = ("A change that was checked and works:", fenced("change", "\n".join(fixes)), "") if fixes else ()
+        title = "A change that was checked and works:"
         if all(found.severity != "error" for found in self.findings):
-            closing = "Mend every point that is right. Only if the query means your answer, give the same answer again."
+            title = "What the query may mean instead:"
+            closing = "Mend what is wrong. Only if your answer is what the query means, give the same answer again."
         elif self.entries:
             which = ", ".join(map(str, self.entries))
             closing = f"Mend every point: write the entries with sub_task {which} again, each in full, and no others."
         else:
             closing = "Mend every point, keep the rest as it is, and answer again in full."
+        changes = (title, fenced("change", "\n".join(fixes)), "") if fixes else ()
         findings = fenced("findings", "\n\n".join(listed))
         texts = {"findings": findings, "before": before, "changes": "\n\n".join(changes), "closing": closing}
         return render("structured/feedback", **texts, form=form_of(schema))

@@ -86,7 +86,7 @@ TABLE = altered(ROLES, ("sub_tasks", 0, "target"), "table_0")
 SLIPS = {
     "no place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), ""), "answer/not-put", [2]),
     "another place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), "table_0"), "answer/not-put", [2]),
-    "a table to be opened": (altered(TABLE, ("sub_tasks", 0, "bddl_category"), ...), "cannot be open", [2, 3]),
+    "a table to be opened": (altered(TABLE, ("sub_tasks", 0, "bddl_category"), ...), "has no door", [2]),
     "a thing that is not picked up": (without_subtask(right_answers("T1"), 2, 1), "answer/not-held", [2]),
     "the same thing twice": (altered(ROLES, ("sub_tasks", 3, "task_activity_name"), OPENING), "answer/same-again", [2]),
 }
