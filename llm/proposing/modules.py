@@ -32,6 +32,7 @@ from llm.structured.prompting import (
     fenced,
     predicate_table,
     primitives_text,
+    render,
     subtask_table,
 )
 from llm.structured.schema import (
@@ -60,6 +61,7 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
+from oag.model.scene import Kind
 from oag.model.symbols import GRIPPER
 from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
@@ -133,6 +135,10 @@ def _activity(sentence: str) -> str:
     return words if words[:1].isalpha() else f"task_{words}"
 
 
+def _stated(scene: Scene) -> set[bddl.Formula]:
+    return {literal for fact in scene.facts for literal in bddl.conjuncts(fact)}
+
+
 @dataclass(frozen=True, slots=True)
 class Understood:
     """Meaning of a query."""
@@ -146,17 +152,22 @@ class Understood:
         goal = self.at_stake(scene)
         return {name for atom in bddl.ground(goal, scene.categories).atoms for name in atom.args}
 
+    def near(self, scene: Scene) -> set[str]:
+        """Return what the parts of the goal that do not hold yet name, and what these things are inside."""
+        stated = _stated(scene)
+        parts = [part for part in bddl.conjuncts(self.goal) if part not in stated]
+        near = {name for part in parts for atom in bddl.atoms(part) for name in atom.args}
+        inside = [atom.args for fact in stated for atom in bddl.atoms(fact) if atom.predicate == "inside"]
+        while more := {container for thing, container in inside if thing in near} - near:
+            near |= more
+        return near
+
     def at_stake(self, scene: Scene) -> bddl.Formula:
         """Return the goal without parts that hold at the start and are about nothing that the rest concerns.
 
         A small model makes a subtask of each part that it reads.
         """
-        parts = bddl.conjuncts(self.goal)
-        stated = {literal for fact in scene.facts for literal in bddl.conjuncts(fact)}
-        near = {name for part in parts if part not in stated for atom in bddl.atoms(part) for name in atom.args}
-        inside = [atom.args for fact in stated for atom in bddl.atoms(fact) if atom.predicate == "inside"]
-        while more := {container for thing, container in inside if thing in near} - near:
-            near |= more
+        parts, stated, near = bddl.conjuncts(self.goal), _stated(scene), self.near(scene)
         kept = [part for part in parts if part not in stated or any(near & {*a.args} for a in bddl.atoms(part))]
         if len(kept) in (0, len(parts)):
             return self.goal
@@ -300,11 +311,14 @@ class Decomposition(Answer):
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
+    # A small model does what the example does: one with a door makes it open one.
+    known = [session.scene.objects[name] for name in understood.near(session.scene) & session.scene.objects.keys()]
+    doors = "door" if any(thing.kind is Kind.ARTICULATED for thing in known) else "bare"
     answer = session.ask(
         2,
         Decomposition,
         lambda given: _decomposition_findings(given, understood.goal, session.scene),
-        {"task": understood.text(session.scene)},
+        {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{doors}").strip()},
         about=understood.about(session.scene),
     )
     return answer.subtasks()
@@ -396,7 +410,9 @@ def instantiate(
     session: ModuleSession, understood: Understood, subtasks: Sequence[SimpleTask]
 ) -> tuple[SimpleTask, ...]:
     """Ask module 3 for initial states and goals of the simple tasks; raises as `ModuleSession.ask` does."""
+    doors = "bare" if all(part.support_init or part.support_goal for part in subtasks) else "door"
     places = {
+        "example": render(f"proposing/module_3_{doors}").strip(),
         "task": understood.text(session.scene),
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "predicates": predicate_table(),

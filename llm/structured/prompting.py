@@ -41,7 +41,11 @@ from oag.wellformed import kind_problem
 _LONGEST_SHOWN = 12_000
 _MOST_FINDINGS = 12
 _TEMPLATES: Mapping[int, tuple[str, ...]] = {
-    **{number: ("proposing/system", f"proposing/module_{number}") for number in range(1, 6)},
+    **{number: ("proposing/system", f"proposing/module_{number}") for number in (1, 4, 5)},
+    **{
+        number: ("proposing/system", *(f"proposing/module_{number}{part}" for part in ("", "_door", "_bare")))
+        for number in (2, 3)
+    },
     INSPECTOR: ("evolve/system", "evolve/inspector"),
     SUPERVISOR: ("evolve/system", "evolve/supervisor"),
     SPOTTER: ("vision/system", "vision/pattern", "vision/things"),
