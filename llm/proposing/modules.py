@@ -29,6 +29,7 @@ from llm.proposing.proposal import Expanded
 from llm.proposing.session import ModuleSession, check_numbering
 from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (
+    OTHER_READING,
     fenced,
     predicate_table,
     primitives_text,
@@ -204,8 +205,10 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
             confirmed.update([answer.goal] * (not errors_of(found)))
             yield from found
         elif expected is not None:
-            message = f"word by word the request asks for {bddl.format(expected)}, which can be planned in this scene"
-            yield finding("answer/other-reading", message, "problem", severity="warning")
+            literal = bddl.format(expected)
+            message = f"word by word the request asks for {literal}, which can be planned in this scene"
+            doubt = finding(OTHER_READING, message, "problem", severity="warning")
+            yield replace(doubt, fixes=(f"goal: {literal}",))
 
     places = {"query": fenced("request", session.query), "predicates": predicate_table()}
     answer = session.ask(1, Understanding, check, places, session.images)
@@ -244,7 +247,7 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
         literal = bddl.format(expected)
         message = f"word by word the request asks for {literal}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
-        doubt = finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+        doubt = finding(OTHER_READING, message, TASK_GOAL, hint=hint, severity="warning")
         yield replace(doubt, fixes=(f"goal: {literal}",))
 
 

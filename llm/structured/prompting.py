@@ -37,6 +37,8 @@ from oag.primitives.cargo import RESTING
 from oag.primitives.table import Context, Placement, effect, requirements
 from oag.wellformed import kind_problem
 
+OTHER_READING = "answer/other-reading"
+"""Code of a doubt: word by word the query means something else than an answer says."""
 # Longest part of a model's own answer that is sent back to it.
 _LONGEST_SHOWN = 12_000
 _MOST_FINDINGS = 12
@@ -80,7 +82,10 @@ class Prompt:
     ) -> ChatRequest:
         """Return the request for this prompt; after a refused answer it includes the findings about it."""
         messages = [Message((self.text, *self.images))]
-        if refused is not None:
+        if refused is not None and refused.is_doubt:
+            # A small model that sees its reading writes it again: in 4 of 4 draws of Qwen2.5-Coder-1.5B.
+            messages = [Message((f"{self.text}\n{refused.doubt(schema)}", *self.images))]
+        elif refused is not None:
             messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(schema),))]
         return ChatRequest(
             self.system,
@@ -108,6 +113,17 @@ class Refused:
     before: tuple[str, ...] = ()
     entries: tuple[int, ...] = ()
 
+    @property
+    def is_doubt(self) -> bool:
+        """Whether it is only asked whether the query means something else."""
+        return bool(self.findings) and all(found.code == OTHER_READING and found.fixes for found in self.findings)
+
+    def doubt(self, schema: Mapping[str, object]) -> str:
+        """Return the question whether another reading is meant, without the answer that is in doubt."""
+        readings = fenced("reading", "\n".join(fix for found in self.findings for fix in found.fixes))
+        findings = fenced("findings", "\n\n".join(map(str, (replace(found, fixes=()) for found in self.findings))))
+        return render("structured/doubt", findings=findings, reading=readings, form=form_of(schema))
+
     def text(self, schema: Mapping[str, object]) -> str:
         """Return the message to the model: the numbered findings, earlier failures, and what to write.
 
@@ -120,16 +136,14 @@ class Refused:
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
         fixes = list(dict.fromkeys(fix for found in shown for fix in found.fixes))
-        title = "A change that was checked and works:"
         if all(found.severity != "error" for found in self.findings):
-            title = "What the query may mean instead:"
-            closing = "Mend what is wrong. Only if your answer is what the query means, give the same answer again."
+            closing = "If your answer is what the query means, give the same answer again; otherwise mend it."
         elif self.entries:
             which = ", ".join(map(str, self.entries))
             closing = f"Mend every point: write the entries with sub_task {which} again, each in full, and no others."
         else:
             closing = "Mend every point, keep the rest as it is, and answer again in full."
-        changes = (title, fenced("change", "\n".join(fixes)), "") if fixes else ()
+        changes = ("A change that was checked and works:", fenced("change", "\n".join(fixes)), "") if fixes else ()
         findings = fenced("findings", "\n\n".join(listed))
         texts = {"findings": findings, "before": before, "changes": "\n\n".join(changes), "closing": closing}
         return render("structured/feedback", **texts, form=form_of(schema))
@@ -154,7 +168,10 @@ def template_sha256(module: int) -> str:
     names = _TEMPLATES.get(module)
     if names is None:
         return ""
-    texts = (_template(name).template for name in (*names, "structured/feedback", "structured/primitives"))
+    texts = (
+        _template(name).template
+        for name in (*names, "structured/feedback", "structured/doubt", "structured/primitives")
+    )
     return hashlib.sha256("\x00".join(texts).encode()).hexdigest()
 
 
