@@ -99,14 +99,14 @@ class Understanding(Answer):
     """The query in terms of the scene.
 
     The fields are in the order of reasoning: a model that is asked for a problem first finds one before it has read
-    the scene.
+    the scene, and a small one that has just written where things are writes that as the goal.
     """
 
-    task_name: Line = Field(description="the wish in one line, every object named by its id")
-    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
     task_message_detail: Text = Field(
         default="", description="where things are, one sentence", json_schema_extra={"maxLength": 240}
     )
+    task_name: Line = Field(description="the wish in one line, every object named by its id")
+    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
     goal: MaybeFormula = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
     problem: Remark = Field(
         default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
