@@ -50,7 +50,9 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
             raise RequestError(f"picture {number} of {images} is not sent to {profile.name}: {problem}")
     body: dict[str, Any] = {"model": profile.model, "messages": _messages(request, profile)}
     mode = request.mode or profile.mode
-    if mode == "json_schema" and request.json_schema is not None:
+    if mode == "json_schema" and request.json_schema is not None and profile.serve:
+        body["grammar"] = _compact_grammar(request.json_schema)
+    elif mode == "json_schema" and request.json_schema is not None:
         sent = request.json_schema if profile.bounds else _unbounded(request.json_schema)
         schema: dict[str, Any] = {"name": "answer", "schema": sent}
         if profile.strict:
@@ -71,6 +73,16 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"the request cannot be written as JSON: {error}") from error
     return body
+
+
+def _compact_grammar(schema: Mapping[str, object]) -> str:
+    """Return a grammar of llguidance for JSON of a schema on one line.
+
+    The server makes a grammar of a schema by itself, but one that admits line breaks and indents. Qwen2.5-Coder-1.5B
+    writes these first, and they are a third of its tokens.
+    """
+    spacing = {"whitespace_flexible": False, "item_separator": ", ", "key_separator": ": "}
+    return "%llguidance {}\nstart: %json " + json.dumps({**schema, "x-guidance": spacing})
 
 
 def _unbounded(schema: Any) -> Any:

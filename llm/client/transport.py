@@ -20,7 +20,7 @@ from llm.errors import RequestError
 # How JSON is requested: by a schema, by a JSON-only mode, or by the prompt alone.
 Mode = Literal["json_schema", "json_object", "plain"]
 MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
-BOUNDS = ("maxLength", "minItems", "maxItems")
+BOUNDS = ("maxLength", "minItems", "maxItems", "pattern")
 """Keys of a schema that bound an answer; several endpoints reject a request that has them."""
 
 

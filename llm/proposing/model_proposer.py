@@ -8,7 +8,7 @@ every proposal whole before it is returned.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import bddl
@@ -36,6 +36,15 @@ from oag.model.actions import ActionFlow
 from oag.model.diagnostics import SCALES, TASK_GOAL
 from oag.primitives.state import contradictions
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
+from oag.verify.edits import (
+    ChangeSubtask,
+    DeleteSubtask,
+    InsertSubtask,
+    MoveSubtask,
+    SetFlow,
+    SetTaskGoal,
+    SwapSubtasks,
+)
 
 # A finding of the graph goes to the modules that can correct it: by its verified fix, else by its code. A model cannot
 # change facts of the scene. It can change the task goal only where no plan can reach it. Such fixes are not shown.
@@ -92,18 +101,41 @@ def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
     already, so that a failure is first of all one of a flow or a size.
     """
     if report.verdict is Verdict.REFUTED:
-        offered = [fix for fix in report.fixes if fix.kind not in _NOT_OFFERED and not fix.assumption]
+        offered = [fix for fix in report.fixes if _is_offered(fix)]
+        # A fix of all mistakes together is shown with the first one.
         return tuple(
-            _charge(error, [fix for fix in offered if fix.cause == index], report.task, searched)
+            _charge(error, [fix for fix in offered if (fix.cause or 0) == index], report.task, searched)
             for index, error in enumerate(report.errors)
         )
     doubts = [found for found in report.diagnostics if found.severity == "warning" and found.code in _DOUBTS]
     return tuple(_charge(found, (), report.task, searched) for found in doubts)
 
 
+def _is_offered(fix: Fix) -> bool:
+    given = any(isinstance(edit, SetTaskGoal) for edit in fix.edits)
+    # One that leaves other mistakes leads away as often as not.
+    return fix.kind not in _NOT_OFFERED and not fix.assumption and not given and not fix.remaining
+
+
+def _modules_of(fix: Fix) -> Iterator[int]:
+    """Yield the module that wrote what a fix changes; of several changes the earliest."""
+    if fix.kind != "several":
+        yield from (module for kind, module in _BY_FIX.items() if kind == fix.kind)
+        return
+    changed = [edit for edit in fix.edits if isinstance(edit, ChangeSubtask)]
+    roles = any((edit.target, edit.support_init, edit.support_goal) != (None, None, None) for edit in changed)
+    if roles or any(isinstance(edit, InsertSubtask | DeleteSubtask | MoveSubtask | SwapSubtasks) for edit in fix.edits):
+        yield 2
+    elif changed:
+        yield 3
+    elif any(isinstance(edit, SetFlow) for edit in fix.edits):
+        yield 5
+
+
 def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool) -> Charge:
-    finding = replace(found, fixes=tuple(map(str, fixes)))
-    by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
+    # One is enough: a small model mixes the changes of several.
+    finding = replace(found, fixes=tuple(map(str, fixes[:1])))
+    by_fix = [module for fix in fixes for module in _modules_of(fix)]
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
     named = (2, 3) if opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:

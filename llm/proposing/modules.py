@@ -27,11 +27,13 @@ from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.proposal import Expanded
 from llm.proposing.session import ModuleSession, check_numbering
-from llm.structured.conversation import finding
+from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (
+    OTHER_READING,
     fenced,
     predicate_table,
     primitives_text,
+    render,
     subtask_table,
 )
 from llm.structured.schema import (
@@ -60,9 +62,13 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
+from oag.model.scene import Kind
+from oag.model.symbols import GRIPPER
+from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
 from oag.wellformed import check as check_form
+from oag.wellformed import kind_problem
 
 
 def _involved(subtasks: Iterable[SimpleTask]) -> set[str]:
@@ -93,14 +99,14 @@ class Understanding(Answer):
     """The query in terms of the scene.
 
     The fields are in the order of reasoning: a model that is asked for a problem first finds one before it has read
-    the scene.
+    the scene, and a small one that has just written where things are writes that as the goal.
     """
 
-    task_name: Line = Field(description="the wish in one line, every object named by its id")
-    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
     task_message_detail: Text = Field(
         default="", description="where things are, one sentence", json_schema_extra={"maxLength": 240}
     )
+    task_name: Line = Field(description="the wish in one line, every object named by its id")
+    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
     goal: MaybeFormula = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
     problem: Remark = Field(
         default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
@@ -130,6 +136,10 @@ def _activity(sentence: str) -> str:
     return words if words[:1].isalpha() else f"task_{words}"
 
 
+def _stated(scene: Scene) -> set[bddl.Formula]:
+    return {literal for fact in scene.facts for literal in bddl.conjuncts(fact)}
+
+
 @dataclass(frozen=True, slots=True)
 class Understood:
     """Meaning of a query."""
@@ -139,15 +149,37 @@ class Understood:
     goal: bddl.Formula
 
     def about(self, scene: Scene) -> set[str]:
-        """Return the names that the goal has once its quantifiers are expanded."""
-        return {name for atom in bddl.ground(self.goal, scene.categories).atoms for name in atom.args}
+        """Return the names that the goal at stake has once its quantifiers are expanded."""
+        goal = self.at_stake(scene)
+        return {name for atom in bddl.ground(goal, scene.categories).atoms for name in atom.args}
 
-    def text(self) -> str:
+    def near(self, scene: Scene) -> set[str]:
+        """Return what the parts of the goal that do not hold yet name, and what these things are inside."""
+        stated = _stated(scene)
+        parts = [part for part in bddl.conjuncts(self.goal) if part not in stated]
+        near = {name for part in parts for atom in bddl.atoms(part) for name in atom.args}
+        inside = [atom.args for fact in stated for atom in bddl.atoms(fact) if atom.predicate == "inside"]
+        while more := {container for thing, container in inside if thing in near} - near:
+            near |= more
+        return near
+
+    def at_stake(self, scene: Scene) -> bddl.Formula:
+        """Return the goal without parts that hold at the start and are about nothing that the rest concerns.
+
+        A small model makes a subtask of each part that it reads.
+        """
+        parts, stated, near = bddl.conjuncts(self.goal), _stated(scene), self.near(scene)
+        kept = [part for part in parts if part not in stated or any(near & {*a.args} for a in bddl.atoms(part))]
+        if len(kept) in (0, len(parts)):
+            return self.goal
+        return bddl.parse_formula(f"(and {' '.join(map(bddl.format, kept))})" if kept[1:] else bddl.format(kept[0]))
+
+    def text(self, scene: Scene) -> str:
         """Return module 1's answer as text for the prompts of the later modules."""
         lines = [
             f"task_name: {self.expanded.task_name}",
             f"task_message_detail: {self.expanded.task_message_detail}",
-            f"goal: {bddl.format(self.goal)}",
+            f"goal: {bddl.format(self.at_stake(scene))}",
         ]
         return fenced("task", "\n".join(lines))
 
@@ -161,19 +193,26 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
             once for confirmation.
     """
 
+    confirmed: set[str] = set()
+
     def check(answer: Understanding) -> Iterator[Diagnostic]:
-        if answer.problem and answer.goal:
+        # A remark at a goal that was asked about: small models comment on it there.
+        if answer.problem and answer.goal and answer.goal not in confirmed:
             hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
             yield finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint)
-        elif not answer.problem:
-            yield from _understanding_findings(answer, session.scene, expected)
+        elif answer.goal or not answer.problem:
+            found = list(_understanding_findings(answer, session.scene, expected))
+            confirmed.update([answer.goal] * (not errors_of(found)))
+            yield from found
         elif expected is not None:
-            message = f"word by word the request asks for {bddl.format(expected)}, which can be planned in this scene"
-            yield finding("answer/other-reading", message, "problem", severity="warning")
+            literal = bddl.format(expected)
+            message = f"word by word the request asks for {literal}, which can be planned in this scene"
+            doubt = finding(OTHER_READING, message, "problem", severity="warning")
+            yield replace(doubt, fixes=(f"goal: {literal}",))
 
     places = {"query": fenced("request", session.query), "predicates": predicate_table()}
     answer = session.ask(1, Understanding, check, places, session.images)
-    if answer.problem:
+    if answer.problem and not answer.goal:
         reason = " ".join(answer.problem.split()).rstrip(".")[:400]
         raise QueryError("model-declined", session.query, f"the model says: {reason}")
     expanded = Expanded(answer.task_name, answer.task_message_detail)
@@ -205,9 +244,11 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
         hint = "say what has to change; if the request asks for what is so already, say that under problem"
         yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
     if expected is not None and not bddl.equivalent(goal, expected, scene.categories):
-        message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
+        literal = bddl.format(expected)
+        message = f"word by word the request asks for {literal}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
-        yield finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+        doubt = finding(OTHER_READING, message, TASK_GOAL, hint=hint, severity="warning")
+        yield replace(doubt, fixes=(f"goal: {literal}",))
 
 
 class SubtaskRoles(SubtaskAnswer):
@@ -246,39 +287,50 @@ class Decomposition(Answer):
     list_name: ClassVar[str] = "sub_tasks"
     sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
-    def subtasks(self) -> tuple[SimpleTask, ...]:
-        """Return the simple tasks, without formulas and flows yet; one that picks up and puts down is two."""
-        tasks: list[SimpleTask] = []
+    def resolved(self) -> Decomposition:
+        """Return the decomposition in which an entry that picks up and puts down is two."""
+        entries: list[SubtaskRoles] = []
         held = ""
         for entry in self.sub_tasks:
             target, (start, end) = entry.target, entry.supports
             if start and end and start != end and held != target:
-                tasks.append(_unplanned(f"pick_up_{target}", f"pick up {target} from {start}", target, start, None))
-                start = None
-            tasks.append(_unplanned(entry.task_activity_name, entry.detail, target, start, end))
+                taking = {"task_activity_name": f"pick_up_{target}", "support_goal": "", "task_detail_message": ""}
+                entries += [entry.model_copy(update=taking), entry.model_copy(update={"support_init": ""})]
+            else:
+                entries.append(entry)
             held = target if start and not end else ""
-        return tuple(tasks)
+        if len(entries) == len(self.sub_tasks) or check_numbering(self.sub_tasks):
+            return self
+        numbered = [one.model_copy(update={"sub_task": n}) for n, one in enumerate(entries, start=1)]
+        return self.model_copy(update={"sub_tasks": numbered})
 
-
-def _unplanned(name: str, detail: str, target: str, start: str | None, end: str | None) -> SimpleTask:
-    return SimpleTask(name, detail, target, start, end, init=UNREADABLE, goal=UNREADABLE)
+    def subtasks(self) -> tuple[SimpleTask, ...]:
+        """Return the simple tasks, without formulas and flows yet."""
+        return tuple(
+            SimpleTask(one.task_activity_name, one.detail, one.target, *one.supports, init=UNREADABLE, goal=UNREADABLE)
+            for one in self.resolved().sub_tasks
+        )
 
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
+    # A small model does what the example does: one with a door makes it open one.
+    known = [session.scene.objects[name] for name in understood.near(session.scene) & session.scene.objects.keys()]
+    doors = "door" if any(thing.kind is Kind.ARTICULATED for thing in known) else "bare"
     answer = session.ask(
         2,
         Decomposition,
-        lambda given: _decomposition_findings(given, session.scene),
-        {"task": understood.text()},
+        lambda given: _decomposition_findings(given, understood.goal, session.scene),
+        {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{doors}").strip()},
         about=understood.about(session.scene),
     )
     return answer.subtasks()
 
 
-def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
+def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
     yield from check_numbering(answer.sub_tasks)
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
+    yield from _handling_findings(answer.subtasks(), goal, scene)
     for index, entry in enumerate(answer.sub_tasks):
         thing = scene.objects.get(entry.target)
         if thing is not None and thing.role == "A" and any(entry.supports):
@@ -288,11 +340,52 @@ def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Dia
             hint = "name the item as the target; supports are for what is carried"
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
+        elif thing is not None and not any(entry.supports) and kind_problem(bddl.Atom("open", (thing.id,)), scene):
+            message = f"without a support it would be opened or closed, and {thing.id} has no door"
+            hint = "leave it out, or name what the item is taken from or put at"
+            place = f"T{index + 1} {entry.task_activity_name}, target"
+            yield finding("answer/target", message, place, subtask=index, hint=hint)
         stated = entry.bddl_category
+        earlier = [n for n, other in enumerate(answer.sub_tasks[:index]) if other.target == entry.target]
+        if earlier and _same_again(answer.sub_tasks[earlier[-1]], entry):
+            message = f"it is T{earlier[-1] + 1} again, which nothing has undone: name and roles are the same"
+            hint = "name each subtask for what it does, such as open_... and close_..., or leave one out"
+            place = f"T{index + 1} {entry.task_activity_name}"
+            yield finding("answer/same-again", message, place, subtask=index, hint=hint)
         if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
             message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"
             place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
             yield finding("answer/category", message, place, subtask=index)
+
+
+def _handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
+    """Yield what the roles alone show: a thing that is put down but never picked up, or never put where it shall be."""
+    facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+    taken = {one.atom.args[0] for one in facts if one.value and one.atom.args[1:] == (GRIPPER,)}
+    for index, part in enumerate(subtasks):
+        taken |= {part.target} if part.support_init else set()
+        if part.support_goal and part.target not in taken:
+            place = subtask_place(bare_task(scene, subtasks), index)
+            hint = f"before it, a subtask with target {part.target} and as support_init what it stands in or on"
+            yield finding("answer/not-held", f"nothing picks {part.target} up before", place, subtask=index, hint=hint)
+        if part.support_goal and part.support_goal == part.support_init:
+            message = f"it puts {part.target} back where it takes it from, {part.support_goal}"
+            hint = "leave support_init empty where the hand holds the target already"
+            place = subtask_place(bare_task(scene, subtasks), index)
+            yield finding("answer/not-put", message, place, subtask=index, hint=hint)
+    put = {(part.target, part.support_goal) for part in subtasks}
+    for literal in bddl.literals(goal) or ():
+        if literal.value and literal.atom.predicate in RESTING and literal not in facts:
+            thing, where = literal.atom.args
+            # What cannot be carried is a mistake of the goal, which the graph finds.
+            if where != GRIPPER and (thing, where) not in put and scene[thing].role == "B":
+                message = f"no subtask puts {thing} where the goal has it: {bddl.format(literal.atom)}"
+                hint = f"give the subtask that puts {thing} down the support_goal {where}; one before it picks it up"
+                yield finding("answer/not-put", message, "sub_tasks", hint=hint)
+
+
+def _same_again(one: SubtaskRoles, other: SubtaskRoles) -> bool:
+    return (one.task_activity_name, one.supports) == (other.task_activity_name, other.supports)
 
 
 class SubtaskConditions(SubtaskAnswer):
@@ -320,8 +413,10 @@ def instantiate(
     session: ModuleSession, understood: Understood, subtasks: Sequence[SimpleTask]
 ) -> tuple[SimpleTask, ...]:
     """Ask module 3 for initial states and goals of the simple tasks; raises as `ModuleSession.ask` does."""
+    doors = "bare" if all(part.support_init or part.support_goal for part in subtasks) else "door"
     places = {
-        "task": understood.text(),
+        "example": render(f"proposing/module_3_{doors}").strip(),
+        "task": understood.text(session.scene),
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "predicates": predicate_table(),
     }
@@ -471,6 +566,13 @@ class Flows(Answer):
         )
 
 
+# A small model copies the flow of an example for everything: it has one of each kind.
+_EXAMPLE_FLOWS = [
+    {"sub_task": number, "flow": [step.name for step in flow]}
+    for number, flow in enumerate((usual_flows.OPEN, usual_flows.PICK, usual_flows.PLACE, usual_flows.CLOSE), start=1)
+]
+
+
 def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
     """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does."""
     templates = (f"- {kind}: {', '.join(primitive.name for primitive in flow)}" for kind, flow in TEMPLATES.items())
@@ -479,7 +581,7 @@ def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping
         "primitives": primitives_text(),
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
-        "example": json.dumps([step.name for step in usual_flows.PICK]),
+        "example": json.dumps({"sub_tasks": _EXAMPLE_FLOWS}),
     }
 
     def check(answer: Flows) -> Iterable[Diagnostic]:

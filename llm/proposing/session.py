@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from bisect import bisect_right
 from collections import Counter
@@ -16,8 +15,8 @@ from llm.offline.lexicon import built_in
 from llm.offline.names import singulars
 from llm.offline.rereading import named_in
 from llm.structured.ask import Log, ask
-from llm.structured.conversation import errors_of, finding
-from llm.structured.prompting import Prompt, Refused, concerned, fenced, render, scene_table
+from llm.structured.conversation import entries_of, errors_of, finding
+from llm.structured.prompting import Prompt, Refused, concerned, fenced, formula_pattern, render, scene_table
 from llm.structured.schema import Answer, SubtaskAnswer
 from oag import Diagnostic, Scene
 from oag.sizes import TO_THE_AIM, Sizing
@@ -86,6 +85,7 @@ class ModuleSession:
             wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
             return wrong or check(answer)
 
+        ids = [key for key in self.scene.objects if key in shown]
         answer = ask(
             self.transport,
             prompt,
@@ -94,20 +94,30 @@ class ModuleSession:
             rounds=self.rounds,
             log=self.log,
             objection=objection,
-            ids=[key for key in self.scene.objects if key in shown],
+            standing=self._standing(module, schema) if objection is not None else None,
+            ids=ids,
             entries=entries,
+            formulas=formula_pattern(self.scene, ids),
         )
         self.taken[module] = (prompt, answer)
         return answer
+
+    def _standing(self, module: int, schema: type[AnswerT]) -> AnswerT | None:
+        """Return a module's accepted answer."""
+        answer = self.taken[module][1]
+        return answer if isinstance(answer, schema) else None
 
     def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
         """Store the findings about a module's accepted answer for the next time it is asked."""
         prompt, answer = self.taken[module]
         if errors_of(findings):
             self.log.refuse(prompt, answer, findings)
-        self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
+        wrong = entries_of(findings) if module in _WITH_FIXED_ENTRIES else ()
+        self.objections[module] = Refused(answer.shown(), findings, entries=wrong)
 
 
+# Modules whose entries follow from module 2's.
+_WITH_FIXED_ENTRIES = (3, 4, 5)
 # Sizes and positions decide which object is meant, and how far the robot moves.
 _WITH_MEASURES = (1, 5)
 # Scenes of up to so many objects are shown whole to module 1.

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.structured import lenient
-from llm.structured.conversation import AnswersRefused, Conversation, Round, errors_of, finding, finding_key
+from llm.structured.conversation import AnswersRefused, Conversation, Round, entries_of, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
 from llm.structured.schema import Answer, wire_schema
 from oag import Diagnostic
@@ -217,11 +217,15 @@ def _final_channel(text: str) -> str:
 
 
 AnswerT = TypeVar("AnswerT", bound=Answer)
+_REPEATED = "answer/repeated"
 # An answer repeated this often is assumed not to change.
 MOST_REPEATS = 2
 _MOST_FIELD_ERRORS = 12
 # Of the first question, the second and all later ones: the server's own, then colder, so that less changes at random.
 _TEMPERATURES = (None, 0.2, 0.1)
+# After an answer that was given again: a small model repeats it at its server's temperature of 0.3 as well, and
+# writes nonsense at 0.9.
+_AFTER_REPEAT = 0.6
 
 
 @dataclass(slots=True)
@@ -243,7 +247,7 @@ class Log:
             return ()
         again = f"this is the answer of round {number} again, and it is wrong for the same reasons"
         hint = "change what the points below name; an unchanged answer cannot be used"
-        return (finding("answer/repeated", again, "reply", hint=hint), *findings)
+        return (finding(_REPEATED, again, "reply", hint=hint), *findings)
 
     def record(
         self, prompt: Prompt, request: ChatRequest, reply: ChatReply, findings: tuple[Diagnostic, ...], accepted: bool
@@ -278,8 +282,10 @@ def ask(
     rounds: int,
     log: Log,
     objection: Refused | None = None,
+    standing: AnswerT | None = None,
     ids: Sequence[str] = (),
     entries: int = 0,
+    formulas: str = "",
 ) -> AnswerT:
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 
@@ -291,22 +297,23 @@ def ask(
         rounds: Most questions to the model, at least 1.
         log: Record of every round.
         objection: An earlier answer to this prompt with the findings about it.
-        ids, entries: For the schema of the wire (`wire_schema`).
+        standing: The same answer as it was read: where the objection is about some entries, the others stay.
+        ids, entries, formulas: For the schema of the wire (`wire_schema`).
 
     Raises:
         AnswersRefused: No answer was valid; the exception has the whole conversation.
         ModelError: The model did not reply, or the budget is spent.
     """
-    wire = wire_schema(schema, ids, entries)
     refused, doubts, before, repeats = objection, set[tuple[str, ...]](), list[str](), 0
     fallback: AnswerT | None = None
     findings: tuple[Diagnostic, ...] = () if objection is None else objection.findings
     for number in range(max(rounds, 1)):
-        # A colder draw would repeat what was given again already.
-        level = 0 if repeats else min(number + (objection is not None), len(_TEMPERATURES) - 1)
-        request = prompt.request(wire, refused, _TEMPERATURES[level])
+        usual = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
+        again = () if refused is None else refused.entries
+        wire = wire_schema(schema, ids, len(again) or entries, formulas)
+        request = prompt.request(wire, refused, _AFTER_REPEAT if repeats else usual)
         reply = transport.complete(request)
-        answer, findings = _judged(reply, schema, check)
+        answer, findings = _judged(reply, schema, check, standing if again else None)
         repeated = () if answer is None else log.repeated(prompt, answer)
         if repeated:
             findings = repeated
@@ -326,22 +333,34 @@ def ask(
             break
         if refused is not None and refused is not objection:
             before.append(summary(refused.findings))
-        refused = Refused(reply.text, findings, tuple(dict.fromkeys(before)))
+        shown, wrong = reply.text, again
+        if answer is not None:
+            standing = answer
+            shown = answer.shown() if again else reply.text
+            wrong = entries_of(found for found in findings if found.code != _REPEATED)
+        refused = Refused(shown, findings, tuple(dict.fromkeys(before)), wrong if len(wrong) < entries else ())
     if fallback is not None:
         return fallback
     raise AnswersRefused(log.conversation, prompt.module, findings, insists=repeats >= MOST_REPEATS)
 
 
 def _judged(
-    reply: ChatReply, schema: type[AnswerT], check: Callable[[AnswerT], Iterable[Diagnostic]]
+    reply: ChatReply,
+    schema: type[AnswerT],
+    check: Callable[[AnswerT], Iterable[Diagnostic]],
+    standing: AnswerT | None = None,
 ) -> tuple[AnswerT | None, tuple[Diagnostic, ...]]:
-    """Return the answer in a reply, None if it does not have the schema's form, and the findings."""
+    """Return the answer in a reply, None if it does not have the schema's form, and the findings.
+
+    Entries that replace some of an answer that stands otherwise (`standing`) are put into it.
+    """
     cut_off = reply.finish_reason == "length"
     found = extract(reply.text, schema.found_in, cut_off=cut_off, fields=tuple(schema.model_fields))
     if isinstance(found, Diagnostic):
         return None, (found,)
     try:
         answer = schema.model_validate(lenient.visible(found))
+        answer = answer if standing is None else standing.with_entries(answer)
     except ValidationError as problem:
         listed = problem.errors(include_url=False, include_context=False, include_input=True)
         wrong = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]
@@ -374,4 +393,4 @@ def _quoted(value: object) -> str:
 
 
 def _key(answer: Answer) -> str:
-    return json.dumps(answer.model_dump(), sort_keys=True)
+    return json.dumps(answer.resolved().model_dump(), sort_keys=True)

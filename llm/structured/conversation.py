@@ -170,6 +170,12 @@ def errors_of(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     return tuple(found for found in findings if found.severity == "error")
 
 
+def entries_of(findings: Iterable[Diagnostic]) -> tuple[int, ...]:
+    """Return the numbers of the subtasks that errors are about; empty if one is about the whole answer."""
+    numbers = [found.subtask for found in errors_of(findings)]
+    return tuple(sorted({number + 1 for number in numbers if number is not None})) if None not in numbers else ()
+
+
 REPLY_LIMIT = (
     "The limit of a single reply is max_tokens in a file of profiles (docs/models.md), or the server's own. "
     "--max-tokens is the budget of the whole run"

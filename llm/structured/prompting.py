@@ -12,7 +12,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from string import Template
@@ -21,15 +21,33 @@ import bddl
 from llm.client.transport import ChatRequest, Message, Part
 from llm.structured.conversation import INSPECTOR, SPOTTER, SUPERVISOR
 from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
-from oag.model.symbols import ANY, EMPTY, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
+from oag.model.symbols import (
+    ANY,
+    EMPTY,
+    GRIPPER,
+    Fact,
+    ParameterKind,
+    Value,
+    fact_text,
+    gripping,
+    holding,
+    parameter_kind,
+)
 from oag.primitives.cargo import RESTING
 from oag.primitives.table import Context, Placement, effect, requirements
+from oag.wellformed import kind_problem
 
+OTHER_READING = "answer/other-reading"
+"""Code of a doubt: word by word the query means something else than an answer says."""
 # Longest part of a model's own answer that is sent back to it.
 _LONGEST_SHOWN = 12_000
 _MOST_FINDINGS = 12
 _TEMPLATES: Mapping[int, tuple[str, ...]] = {
-    **{number: ("proposing/system", f"proposing/module_{number}") for number in range(1, 6)},
+    **{number: ("proposing/system", f"proposing/module_{number}") for number in (1, 4, 5)},
+    **{
+        number: ("proposing/system", *(f"proposing/module_{number}{part}" for part in ("", "_door", "_bare")))
+        for number in (2, 3)
+    },
     INSPECTOR: ("evolve/system", "evolve/inspector"),
     SUPERVISOR: ("evolve/system", "evolve/supervisor"),
     SPOTTER: ("vision/system", "vision/pattern", "vision/things"),
@@ -64,7 +82,10 @@ class Prompt:
     ) -> ChatRequest:
         """Return the request for this prompt; after a refused answer it includes the findings about it."""
         messages = [Message((self.text, *self.images))]
-        if refused is not None:
+        if refused is not None and refused.is_doubt:
+            # A small model that sees its reading writes it again: in 4 of 4 draws of Qwen2.5-Coder-1.5B.
+            messages = [Message((f"{self.text}\n{refused.doubt(schema)}", *self.images))]
+        elif refused is not None:
             messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(schema),))]
         return ChatRequest(
             self.system,
@@ -78,24 +99,54 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """An answer that is returned to the model, with the findings about it and, a line each, about earlier ones."""
+    """An answer that is returned to the model, with the findings about it and, a line each, about earlier ones.
+
+    Attributes:
+        reply: The answer.
+        findings: What is wrong with it.
+        before: What was wrong with earlier ones.
+        entries: Numbers of the entries that are to be written again; empty where the whole answer is.
+    """
 
     reply: str
     findings: tuple[Diagnostic, ...]
     before: tuple[str, ...] = ()
+    entries: tuple[int, ...] = ()
+
+    @property
+    def is_doubt(self) -> bool:
+        """Whether it is only asked whether the query means something else."""
+        return bool(self.findings) and all(found.code == OTHER_READING and found.fixes for found in self.findings)
+
+    def doubt(self, schema: Mapping[str, object]) -> str:
+        """Return the question whether another reading is meant, without the answer that is in doubt."""
+        readings = fenced("reading", "\n".join(fix for found in self.findings for fix in found.fixes))
+        findings = fenced("findings", "\n\n".join(map(str, (replace(found, fixes=()) for found in self.findings))))
+        return render("structured/doubt", findings=findings, reading=readings, form=form_of(schema))
 
     def text(self, schema: Mapping[str, object]) -> str:
-        """Return the message to the model: the numbered findings, earlier failures, and the form of an answer."""
+        """Return the message to the model: the numbered findings, earlier failures, and what to write.
+
+        Verified changes come last. Qwen2.5-Coder-1.5B made a change in 6 of 6 draws that stood there, and in 2 of 6
+        that stood among the findings.
+        """
         shown = self.findings[:_MOST_FINDINGS]
-        listed = [_numbered(number, found) for number, found in enumerate(shown, start=1)]
+        listed = [_numbered(number, replace(found, fixes=())) for number, found in enumerate(shown, start=1)]
         if len(self.findings) > len(shown):
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
-        closing = "Mend every point, and keep the rest as it is. Where a fix is listed, it was checked and works."
+        fixes = list(dict.fromkeys(fix for found in shown for fix in found.fixes))
         if all(found.severity != "error" for found in self.findings):
             closing = "If your answer is what the query means, give the same answer again; otherwise mend it."
+        elif self.entries:
+            which = ", ".join(map(str, self.entries))
+            closing = f"Mend every point: write the entries with sub_task {which} again, each in full, and no others."
+        else:
+            closing = "Mend every point, keep the rest as it is, and answer again in full."
+        changes = ("A change that was checked and works:", fenced("change", "\n".join(fixes)), "") if fixes else ()
         findings = fenced("findings", "\n\n".join(listed))
-        return render("structured/feedback", findings=findings, before=before, closing=closing, form=form_of(schema))
+        texts = {"findings": findings, "before": before, "changes": "\n\n".join(changes), "closing": closing}
+        return render("structured/feedback", **texts, form=form_of(schema))
 
 
 def render(name: str, **values: str) -> str:
@@ -117,7 +168,10 @@ def template_sha256(module: int) -> str:
     names = _TEMPLATES.get(module)
     if names is None:
         return ""
-    texts = (_template(name).template for name in (*names, "structured/feedback", "structured/primitives"))
+    texts = (
+        _template(name).template
+        for name in (*names, "structured/feedback", "structured/doubt", "structured/primitives")
+    )
     return hashlib.sha256("\x00".join(texts).encode()).hexdigest()
 
 
@@ -186,15 +240,22 @@ def scene_table(scene: Scene, only: Collection[str] | None = None, *, measures: 
     shown = [thing for thing in scene.objects.values() if only is None or thing.id in only]
     lines = [f"robot at ({x:.2f}, {y:.2f}), heading {scene.robot.yaw_rad:.2f} rad"] if measures else []
     lines.append("id | category | type | kind" + " | size x y z [m] | centre x y z [m]" * measures)
-    lines.extend(_object_row(thing, measures=measures) for thing in shown)
+    stated = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+    # A small model reads a word in the row sooner than a formula below the table.
+    doors = {one.atom.args: ", open" if one.value else ", closed" for one in stated if one.atom.predicate == "open"}
+    lines.extend(_object_row(thing, doors.get((thing.id,), ""), measures=measures) for thing in shown)
     if len(shown) < len(scene.objects):
         ids = {thing.id for thing in shown}
         lines.append(_others([thing for thing in scene.objects.values() if thing.id not in ids]))
-    facts = [bddl.format(fact) for fact in scene.facts if _is_listed(fact, scene, only, rooms=measures)]
+    told = set(bddl.PREDICATES) if measures else {*CHANGEABLE}
+    if len({one.atom.args[-1] for one in stated if one.atom.predicate == "inroom"}) <= 1:
+        # Where all is in one room, the room tells nothing.
+        told.discard("inroom")
+    facts = [bddl.format(fact) for fact in scene.facts if _is_listed(fact, scene, only, told)]
     whole = len(shown) == len(scene.objects)
     nothing = "nothing is stated" + " that primitives change" * (not measures) + " of the listed objects" * (not whole)
     lines.append(f"at the start: {' '.join(facts) or nothing}")
-    closed = ", ".join(name for name in sorted(scene.closed) if measures or name in CHANGEABLE)
+    closed = ", ".join(name for name in sorted(scene.closed) if name in told)
     among = "" if whole else "among the listed objects, "
     known = f"{among}of {closed} everything true is listed; what is not listed is false"
     lines.append(known if closed else "the rest is unknown")
@@ -212,11 +273,11 @@ def _others(things: Sequence[SceneObject]) -> str:
     return f"{text}, and {more} more categories" if more > 0 else text
 
 
-def _is_listed(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, *, rooms: bool) -> bool:
-    """Decide whether a fact is about shown objects alone, and, without rooms, about what primitives change."""
+def _is_listed(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, told: Collection[str]) -> bool:
+    """Decide whether a fact is about shown objects and told predicates alone."""
     atoms = bddl.atoms(fact)
     named = {name for atom in atoms for name in atom.args if name in scene.objects}
-    return (only is None or named <= {*only}) and (rooms or all(atom.predicate in CHANGEABLE for atom in atoms))
+    return (only is None or named <= {*only}) and all(atom.predicate in told for atom in atoms)
 
 
 def concerned(scene: Scene, named: Iterable[str]) -> frozenset[str]:
@@ -234,11 +295,11 @@ def concerned(scene: Scene, named: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _object_row(thing: SceneObject, *, measures: bool) -> str:
-    row = f"{thing.id} | {quoted(thing.category)} | {thing.role} | {thing.kind.value}"
+def _object_row(thing: SceneObject, door: str, *, measures: bool) -> str:
+    row = f"{thing.id} | {quoted(thing.category)} | {thing.role} | {thing.kind.value}{door}"
     if not measures:
         return row
-    size, place = (" ".join(f"{value:.3f}" for value in values) for values in (thing.extent_m, thing.position))
+    size, place = (" ".join(f"{value:.2f}" for value in values) for values in (thing.extent_m, thing.position))
     return f"{row} | {size} | {place}"
 
 
@@ -301,6 +362,44 @@ def _either(item: str, fixture: str) -> str:
     if item == fixture:
         return item
     return " / ".join(f"{kind}: {text}" for kind, text in (("item", item), ("fixture", fixture)) if text)
+
+
+# Literals of a formula that a pattern admits; more objects than these have no pattern.
+_MOST_LITERALS = 8
+_MOST_IN_PATTERN = 60
+
+
+def formula_pattern(scene: Scene, ids: Sequence[str]) -> str:
+    """Return the regular expression of formulas that can hold in a scene, for endpoints that follow a schema strictly.
+
+    These are literals about what primitives change, and their conjunctions and disjunctions. Where objects are few,
+    a quantified formula has one of this form. It is empty where nothing can be written so, or there are many objects.
+    """
+    if len(ids) > _MOST_IN_PATTERN:
+        return ""
+    items = [key for key in ids if scene[key].role == "B"]
+    atoms = [f"open {_one_of(doors)}" for doors in [_possible("open", [()], ids, scene)] if doors]
+    for predicate in sorted(RESTING) if items else ():
+        places = _possible(predicate, [(item,) for item in items], (*ids, GRIPPER), scene)
+        atoms += [f"{predicate} {_one_of(items)} {_one_of(places)}"] if places else []
+    if not atoms:
+        return ""
+    atom = rf"\((?:{'|'.join(atoms)})\)"
+    literal = rf"(?:{atom}|\(not {atom}\))"
+    return rf"(?:{literal}|\((?:and|or)(?: {literal}){{2,{_MOST_LITERALS}}}\))"
+
+
+def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable[str], scene: Scene) -> list[str]:
+    """Return the last arguments that a predicate's kinds admit with any of the first ones."""
+    return [
+        name
+        for name in lasts
+        if any(kind_problem(bddl.Atom(predicate, (*first, name)), scene) is None for first in firsts)
+    ]
+
+
+def _one_of(names: Iterable[str]) -> str:
+    return f"(?:{'|'.join(map(re.escape, names))})"
 
 
 @cache

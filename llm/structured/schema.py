@@ -12,6 +12,7 @@ pydantic is loaded when a model is first asked, not with `llm`.
 
 from __future__ import annotations
 
+import json
 import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
@@ -57,6 +58,22 @@ class Answer(BaseModel):
 
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
     list_name: ClassVar[str] = ""
+
+    def resolved(self) -> Answer:
+        """Return the answer as it is understood; a refused answer is shown in this form."""
+        return self
+
+    def with_entries(self, other: Self) -> Self:
+        """Return this answer with the numbered entries of another one in place of its own, or another whole answer."""
+        mine, theirs = (getattr(one, self.list_name) for one in (self, other))
+        changed = {entry.sub_task: entry for entry in theirs}
+        if len(theirs) >= len(mine) or len(changed) < len(theirs) or not changed.keys() <= {e.sub_task for e in mine}:
+            return other
+        return self.model_copy(update={self.list_name: [changed.get(entry.sub_task, entry) for entry in mine]})
+
+    def shown(self) -> str:
+        """Return the resolved answer as JSON for the model; fields that were not asked for only where it wrote them."""
+        return json.dumps(_written(self.resolved()))
 
     @classmethod
     def found_in(cls, value: object, depth: int = 3) -> dict[str, object] | None:
@@ -202,14 +219,14 @@ Line = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
 ]
 MaybeLine = Annotated[MaybeText, AfterValidator(_one_line), AfterValidator(_trimmed(LONGEST_NAME))]
+_ONE, _ONE_OR_NONE = "one", "one or none"
 Formula = Annotated[
     str,
     BeforeValidator(as_formula),
-    Field(min_length=1, max_length=LONGEST_FORMULA),
+    Field(min_length=1, max_length=LONGEST_FORMULA, json_schema_extra={"formula": _ONE}),
     AfterValidator(_printable),
 ]
-MaybeFormula = Annotated[MaybeText, BeforeValidator(as_formula)]
-_ONE, _ONE_OR_NONE = "one", "one or none"
+MaybeFormula = Annotated[MaybeText, Field(json_schema_extra={"formula": _ONE_OR_NONE}), BeforeValidator(as_formula)]
 ObjectId = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME, json_schema_extra={"ids": _ONE}), AfterValidator(_printable)
 ]
@@ -286,13 +303,25 @@ def begins_with_denial(text: str) -> bool:
     return bool(words) and words[0] in (*_DENYING, "not")
 
 
-_KEPT = ("type", "description", "enum", *BOUNDS)
+_KEPT = ("type", "description", "enum", *(key for key in BOUNDS if key != "pattern"))
 # Grammars expand the bound of a text; what is longer than this is too long for any answer.
 _LONGEST_WRITTEN = 600
 _MOST_IDS = 100
 
 
-def wire_schema(answer: type[Answer], ids: Sequence[str] = (), entries: int = 0) -> dict[str, object]:
+def _written(value: object) -> object:
+    """Return a part of an answer as plain data, without empty fields that were not asked for."""
+    if isinstance(value, list):
+        return [_written(item) for item in value]
+    if not isinstance(value, Answer):
+        return value
+    fields = type(value).model_fields
+    return {name: _written(part) for name, part in value if part or fields[name].json_schema_extra != UNASKED}
+
+
+def wire_schema(
+    answer: type[Answer], ids: Sequence[str] = (), entries: int = 0, formulas: str = ""
+) -> dict[str, object]:
     """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
     Bounds (`llm.client.transport.BOUNDS`) are sent to endpoints that know them, and checked when the answer arrives.
@@ -301,9 +330,10 @@ def wire_schema(answer: type[Answer], ids: Sequence[str] = (), entries: int = 0)
         answer: The answer.
         ids: The objects that fields of ids may name; without any, or with very many, every text is legal.
         entries: Length of the answer's list; 0 where it is not known.
+        formulas: Pattern of its formulas; without one every text is legal.
     """
     full = answer.model_json_schema()
-    written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else ())
+    written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else (), formulas)
     properties = written["properties"]
     if entries and answer.list_name and isinstance(properties, dict):
         properties[answer.list_name] |= {"minItems": entries, "maxItems": entries}
@@ -311,24 +341,28 @@ def wire_schema(answer: type[Answer], ids: Sequence[str] = (), entries: int = 0)
 
 
 def _flat(
-    node: Mapping[str, object], known: Mapping[str, Mapping[str, object]], ids: Sequence[str]
+    node: Mapping[str, object], known: Mapping[str, Mapping[str, object]], ids: Sequence[str], formulas: str
 ) -> dict[str, object]:
     """Expand the references of a schema; answers nest three levels deep, and none contains itself."""
     reference = node.get("$ref")
     if isinstance(reference, str):
-        return _flat(known[reference.rpartition("/")[2]], known, ids)
+        return _flat(known[reference.rpartition("/")[2]], known, ids, formulas)
     written = {key: node[key] for key in _KEPT if key in node}
     longest = written.get("maxLength")
     if isinstance(longest, int):
         written["maxLength"] = min(longest, _LONGEST_WRITTEN)
     if node.get("ids") and ids:
         written["enum"] = [*ids] if node["ids"] == _ONE else ["", *ids]
+    if node.get("formula") and formulas:
+        # The pattern bounds the length as well.
+        written.pop("maxLength", None)
+        written["pattern"] = f"^{formulas}$" if node["formula"] == _ONE else f"^{formulas}?$"
     items, properties = node.get("items"), node.get("properties")
     if isinstance(items, Mapping):
-        written["items"] = _flat(items, known, ids)
+        written["items"] = _flat(items, known, ids, formulas)
     if isinstance(properties, Mapping):
         asked = {key: value for key, value in properties.items() if value.get("asked", True)}
-        written["properties"] = {key: _flat(value, known, ids) for key, value in asked.items()}
+        written["properties"] = {key: _flat(value, known, ids, formulas) for key, value in asked.items()}
         written["required"] = list(asked)
         written["additionalProperties"] = False
     if written.get("type") == "object":

@@ -77,9 +77,15 @@ def object_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def condition_candidates(mistake: Mistake) -> Iterator[Candidate]:
-    """Yield the candidates that negate or leave out one literal of a subtask's conditions."""
+    """Yield the candidates that turn a subtask round, or change one literal of its conditions."""
     for rank, index in enumerate(_subtasks_with_wrong_conditions(mistake)):
         subtask = mistake.task.subtasks[index]
+        if subtask.support_init is None and subtask.support_goal is None:
+            # An opening where a closing is meant, or the reverse.
+            words = f"exchange init and goal of {numbered(index)}: init {bddl.format(subtask.goal)}"
+            edit = ChangeSubtask(index, init=subtask.goal, goal=subtask.init)
+            text = f"{words}, goal {bddl.format(subtask.init)}"
+            yield Candidate(Cost.CONDITION, "change-condition", text, (edit,), index, rank=6 * rank)
         for field in ("init", "goal"):
             for variant in relation_variants(getattr(subtask, field)):
                 yield changed_condition(index, field, variant, 6 * rank)

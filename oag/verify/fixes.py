@@ -20,7 +20,7 @@ from oag.model.scene import Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, held_by, overlap
 from oag.progression import Grade, Obligation
 from oag.task_definition import SimpleTask, Task
-from oag.verify.edits import Fix
+from oag.verify.edits import ChangeSubtask, DeleteSubtask, Fix, InsertSubtask
 from oag.verify.fix_candidates import Candidate, Mistake, numbered
 from oag.verify.fix_conditions import (
     condition_candidates,
@@ -98,7 +98,8 @@ class FixSearch:
         best: dict[str, Offer] = {}
         limit: int | None = None
         most = most_checks(self.report.task)
-        for candidate in _candidates(mistake, in_turn=most < MOST_CHECKS):
+        for found in _candidates(mistake, in_turn=most < MOST_CHECKS):
+            candidate = _with_open_flow(found, self.report)
             settled = best.get(candidate.kind)
             if settled is not None and settled.order[:2] == (False, False):
                 continue
@@ -112,11 +113,11 @@ class FixSearch:
                 best[candidate.kind] = offer
             if offer.order[:2] == (False, False):
                 limit = min(candidate.cost + _MUCH_MORE, limit or candidate.cost + _MUCH_MORE)
-        found = sorted(best.values(), key=lambda offer: offer.order)
-        proving = [offer for offer in found if offer.fix.proves]
+        ordered = sorted(best.values(), key=lambda offer: offer.order)
+        proving = [offer for offer in ordered if offer.fix.proves]
         if proving:
             return ([offer for offer in proving if not offer.idle] or proving)[:MOST_FIXES]
-        return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
+        return [offer for offer in ordered if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or ordered[:1]
 
     def checked(self, mistake: Mistake, candidate: Candidate) -> Offer | None:
         """Return the fix of a candidate, or None when it does not remove its mistake or adds new ones."""
@@ -166,6 +167,17 @@ class FixSearch:
         last = finding.subtask >= len(self.report.task.subtasks)
         where = "at the end" if last else f"before {numbered(finding.subtask)}"
         return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
+
+
+def _with_open_flow(candidate: Candidate, report: Report) -> Candidate:
+    """Return a candidate that leaves open the flow that was searched for conditions which it changes."""
+    edit = candidate.edits[0]
+    if len(candidate.edits) > 1 or not isinstance(edit, ChangeSubtask) or edit.subtask not in report.searched:
+        return candidate
+    if edit.init is None and edit.goal is None:
+        return candidate
+    bare = replace(edit.apply(report.task).subtasks[edit.subtask], flow=None)
+    return replace(candidate, edits=(DeleteSubtask(edit.subtask), InsertSubtask(edit.subtask, bare)))
 
 
 def _verified(task: Task, scene: Scene) -> Report:

@@ -67,6 +67,7 @@ class Report:
         explain: What makes the diagnostics; they are made when they are first read.
         no_flow: The proof that a subtask has no flow, where that was shown.
         repair: How fixes are searched; None for a report that offers none.
+        searched: Indices of the subtasks whose flow was searched: other conditions may need another one.
     """
 
     task: Task
@@ -76,6 +77,7 @@ class Report:
     _follow: Callable[[], Trace] | None = field(repr=False, compare=False)
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
     repair: Repair | None = field(default=None, repr=False, compare=False)
+    searched: tuple[int, ...] = field(default=(), repr=False, compare=False)
 
     def __repr__(self) -> str:
         return brief(f"<Report {self.verdict.value} of {self.task!r}>")
@@ -390,7 +392,7 @@ def verify(
 
         return all_findings(task, scene, evidence(), proof, searched)
 
-    return Report(task, scene, verdict, explain, evidence, proof, repair)
+    return Report(task, scene, verdict, explain, evidence, proof, repair, searched)
 
 
 class _Compiled(NamedTuple):

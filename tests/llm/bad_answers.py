@@ -49,6 +49,7 @@ class BadAnswer:
 # An answer, the codes that may name its fault, and the culprit.
 Made = tuple[object, set[str], str]
 JSON_CODES = {"answer/no-json", "answer/broken-json", "answer/field"}
+ROLE_CODES = {"answer/not-held", "answer/not-put"}
 PLAN_CODES = {
     "context/refuted",
     "context/start",
@@ -251,10 +252,11 @@ def swapped_roles(chance: random.Random, task: str, module: int, right: Answers)
 
 
 def same_roles(chance: random.Random, task: str, module: int, right: Answers) -> Made:
-    """Target and support are one object."""
-    entry = entry_of(chance, right, 2)
-    entry[chance.choice(["support_init", "support_goal"])] = entry["target"]
-    return right[2], {"task/role-scope"}, entry["target"]
+    """Target and support are one object, where there is a support: elsewhere that says that there is none."""
+    roles = ("support_init", "support_goal")
+    entry, role = chance.choice([(entry, role) for entry in right[2]["sub_tasks"] for role in roles if entry[role]])
+    entry[role] = entry["target"]
+    return right[2], {"task/role-scope", *ROLE_CODES}, entry["target"]
 
 
 def wrong_category(chance: random.Random, task: str, module: int, right: Answers) -> Made:
@@ -266,13 +268,13 @@ def wrong_category(chance: random.Random, task: str, module: int, right: Answers
 def dropped(chance: random.Random, task: str, module: int, right: Answers) -> Made:
     """A subtask is left out of the decomposition."""
     index = chance.randrange(len(right[2]["sub_tasks"]))
-    return without_subtask(right, 2, index), PLAN_CODES, ""
+    return without_subtask(right, 2, index), PLAN_CODES | ROLE_CODES, ""
 
 
 def reordered(chance: random.Random, task: str, module: int, right: Answers) -> Made:
     """The subtasks stand in the reverse order."""
     entries = [{**entry, "sub_task": n} for n, entry in enumerate(reversed(right[2]["sub_tasks"]), start=1)]
-    return {"sub_tasks": entries}, PLAN_CODES, ""
+    return {"sub_tasks": entries}, PLAN_CODES | ROLE_CODES, ""
 
 
 def misnumbered(chance: random.Random, task: str, module: int, right: Answers) -> Made:

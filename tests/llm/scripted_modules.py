@@ -89,7 +89,8 @@ def module_of(request: ChatRequest) -> int:
 
 def told(request: ChatRequest) -> str:
     """Return what the model was told of its earlier answer; empty when it is asked for the first time."""
-    return "" if len(request.messages) == 1 else str(request.messages[-1].parts[0])
+    text = str(request.messages[-1].parts[0])
+    return text if len(request.messages) > 1 else "".join(text.partition("Another answer to this is in doubt")[1:])
 
 
 def as_reply(answer: object) -> str:

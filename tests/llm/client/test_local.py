@@ -24,7 +24,8 @@ from types import SimpleNamespace
 class Answering(BaseHTTPRequestHandler):
     def do_POST(self):
         asked = json.loads(self.rfile.read(int(self.headers["content-length"])))
-        text = json.dumps(sorted(asked["response_format"]["json_schema"]["schema"]["properties"]["goal"]))
+        schema = json.loads(asked["grammar"].partition("start: %json ")[2])
+        text = json.dumps([sorted(schema["properties"]["goal"]), schema["x-guidance"]["whitespace_flexible"]])
         choice = {"message": {"content": text}, "finish_reason": "stop"}
         usage = {"prompt_tokens": asked["max_tokens"], "completion_tokens": 1}
         body = json.dumps({"choices": [choice], "usage": usage})
@@ -64,7 +65,8 @@ def test_a_file_is_served_once_on_the_loopback_interface_and_ends_with_the_pipe(
     file = library / "small.gguf"
     file.write_bytes(b"GGUF and more")
     model = connect(f"local:{file}")
-    assert json.loads(model.complete(ChatRequest.of("s", "q", json_schema=SCHEMA)).text) == ["maxLength", "type"]
+    sent = json.loads(model.complete(ChatRequest.of("s", "q", json_schema=SCHEMA)).text)
+    assert sent == [["maxLength", "type"], False]
     # Every reply is bounded, and nothing is paid.
     assert model.usage.input_tokens == find_profile("local:x").max_tokens and model.usage.cost_usd == 0.0
     server = local._LocalServer.of(file.resolve())

@@ -15,7 +15,16 @@ from llm.proposing import model_proposer
 from llm.proposing.model_proposer import ModelProposer, charges
 from oag.model.actions import flow_from_json
 from tests.json_edits import altered
-from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
+from tests.llm.scripted_modules import (
+    QUERIES,
+    Script,
+    Wrong,
+    module_of,
+    right_answers,
+    scene_of,
+    task_of,
+    without_subtask,
+)
 
 T1 = task_of("T1")
 
@@ -72,21 +81,24 @@ class Follower(Script):
 
 
 ROLES = right_answers("T1")[2]
+OPENING = ROLES["sub_tasks"][0]["task_activity_name"]
 TABLE = altered(ROLES, ("sub_tasks", 0, "target"), "table_0")
 SLIPS = {
-    "no place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), ""), "support_goal is null"),
-    "another place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), "table_0"), "support_goal is table_0"),
-    "a table to be opened": (altered(TABLE, ("sub_tasks", 0, "bddl_category"), ...), "cannot be open"),
+    "no place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), ""), "answer/not-put", [2]),
+    "another place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), "table_0"), "answer/not-put", [2]),
+    "a table to be opened": (altered(TABLE, ("sub_tasks", 0, "bddl_category"), ...), "has no door", [2]),
+    "a thing that is not picked up": (without_subtask(right_answers("T1"), 2, 1), "answer/not-held", [2]),
+    "the same thing twice": (altered(ROLES, ("sub_tasks", 3, "task_activity_name"), OPENING), "answer/same-again", [2]),
 }
 
 
 @pytest.mark.parametrize("slip", SLIPS)
 def test_roles_that_no_condition_can_mend_go_back_to_module_2_at_once(slip: str) -> None:
-    roles, until = SLIPS[slip]
+    roles, until, asked = SLIPS[slip]
     script = Follower(right_answers("T1"), {2: [Wrong(roles, until)]})
     proposal = ModelProposer(script, cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
     assert oag.compose(proposal.task).verify().verdict is oag.Verdict.PROVED
-    assert [module_of(request) for request in script.asked] == [1, 2, 3, 2, 3, 4, 5]
+    assert [module_of(request) for request in script.asked] == [1, *asked, 2, 3, 4, 5]
 
 
 def test_a_flow_that_does_not_get_there_is_module_5s() -> None:
