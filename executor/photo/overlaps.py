@@ -16,6 +16,7 @@ from executor.geometry import rotation_z
 from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
 from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
 from oag.model.symbols import Kind, kind_of
 
@@ -64,13 +65,16 @@ def resolve_overlaps(
         fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
     """
     room = dict(guesses)
-    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0]
+    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0 and not one.fixed]
     # What carries others is placed before them.
     small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
     for key in small:
+        if room[key].fixed:
+            room[key] = _out_of_walls(_aligned(room[key], walls), walls)
+            continue
         tops = tops_of(one for other, one in room.items() if other != key)
         if key not in hung and not is_on_one(room[key], tops, same_height_m):
             _let_carry(room, key)
@@ -99,6 +103,9 @@ def _put_on_tops(
     notes = []
     for key in small:
         others = {other: room[other] for other in room if other != key}
+        if room[key].fixed:
+            notes.append(f"{key} hangs on a wall, {room[key].bottom_m:.2f} m above the floor")
+            continue
         if key in hung and not is_item(room[key]):
             if not _stands(room[key], others):
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
@@ -248,6 +255,9 @@ def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothes
     if a.depth_m(b) <= 0.0:
         return first, second
     second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
+    if first.fixed is not second.fixed:
+        # What hangs is where its wall is.
+        second_gives = first.fixed
     least: tuple[float, np.ndarray] | None = None
     for yaw in (a.yaw_rad, b.yaw_rad):
         for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
@@ -278,6 +288,9 @@ def _on_its_top(
     for other in others.values():
         on_item = is_item(other)
         if on_item and other.bottom_m >= guess.bottom_m:
+            continue
+        if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
+            # Without depth, what is before a thing may seem to be below it.
             continue
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
