@@ -110,7 +110,10 @@ def _put_on_tops(
             if not _stands(room[key], others):
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
-        room[key] = _on_its_top(room[key], others, same_height_m, farthest_m)
+        fitted = room[key]
+        room[key] = _on_its_top(fitted, others, same_height_m, farthest_m)
+        if room[key] is not fitted:
+            continue
         if is_item(room[key]) and not _stands(room[key], others):
             # Its support may end too early: where nothing is below it, a near top is likelier than the floor.
             room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M, farthest_m)
@@ -295,7 +298,11 @@ def _on_its_top(
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
             T, half = region_frame(carrier, region)
-            if abs(float(T[2, 3]) - guess.bottom_m) > same_height_m:
+            level_m = float(T[2, 3])
+            if on_item and min(guess.size_m[:2]) > 2 * min(half):
+                # On a plate, what is wider than its hollow rests on the rim.
+                level_m = other.bottom_m + other.size_m[2]
+            if abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
@@ -308,7 +315,7 @@ def _on_its_top(
             by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
             if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
-                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
+                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]
 
 

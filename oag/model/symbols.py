@@ -65,7 +65,8 @@ _SUPPORT = _words(
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
     "pear peach tomato potato onion carrot egg book sponge carton lid kettle teapot pitcher jug block "
-    "cube ball basket toy phone remote pen lamp paper newspaper pillow cushion towel cloth"
+    "cube ball basket toy phone remote pen lamp paper newspaper pillow cushion towel cloth "
+    "shirt jacket coat sweater blanket scarf hat shoe bag backpack purse keyboard"
 )
 
 _RIMMED = _words("bowl cup mug")

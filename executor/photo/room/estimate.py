@@ -21,7 +21,7 @@ from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
 from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
 from executor.photo.inputs.usual import carries, hung_depth_m
 from llm.vision import overlap
-from oag.model.symbols import Kind, carries_things, kind_of
+from oag.model.symbols import Kind, carries_things, is_known, kind_of
 
 SAME_M = 0.02
 """Between the height of a top and of an object on it, after the top has moved since."""
@@ -31,13 +31,11 @@ NEAR_TOP_M = 0.13
 
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _MOST = 3
-MISJUDGED_M = 0.5
-"""A top may end so far before the things on it, without depth."""
-
-MISJUDGED_SHARE = 0.25
-"""The same in the picture, of the longer side of a thing's box."""
+_MISJUDGED_M, _MISJUDGED_SHARE = 0.5, 0.5
+"""A top may end so far before the things on it, without depth; in the picture, of the shorter side of a thing's box."""
 
 _MOST_HALF_M = 0.15
+_UPPER = 0.5  # Of a piece of furniture's box: what ends there is on it.
 _BEYOND_BOX = 0.05  # Of the sides of a support's box: a thing on it ends within so much more than it.
 _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
@@ -74,6 +72,12 @@ class Top:
 def is_item(guess: PoseHypothesis) -> bool:
     """Return whether a hypothesis is of an item, and not of furniture."""
     return not guess.fixed and kind_of(guess.entry.category, min(guess.size_m[:2])) is Kind.ITEM
+
+
+def is_furniture(detection: Detection) -> bool:
+    """Return whether a detection is furniture by its name, whatever its size is."""
+    names = (detection.category or "", plain_name(detection.label) or "")
+    return any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names)
 
 
 def tops_of(guesses: Iterable[PoseHypothesis]) -> Iterator[Top]:
@@ -140,9 +144,9 @@ def heights_behind(
     near = sorted((max(distance_m, _REACH_M), far_m, height_m) for distance_m, far_m, height_m in found)
     on = [height_m for distance_m, _, height_m in near if distance_m <= _REACH_M]
     beside = [
-        height_m for distance_m, _, height_m in near[:1] if distance_m < MISJUDGED_M or given_support is not None
+        height_m for distance_m, _, height_m in near[:1] if distance_m < _MISJUDGED_M or given_support is not None
     ]
-    seen = [height_m for height_m, off_px in aside_px.items() if off_px < MISJUDGED_SHARE * _side_px(detection.box_px)]
+    seen = [height_m for height_m, off_px in aside_px.items() if off_px < _MISJUDGED_SHARE * _side_px(detection.box_px)]
     return on[:_MOST] or beside or sorted(seen, key=lambda height_m: aside_px[height_m])[:1] or [0.0]
 
 
@@ -160,7 +164,7 @@ def off_top_px(observation: Observation, box_px: tuple[float, float, float, floa
 
 
 def _side_px(box_px: tuple[float, float, float, float]) -> float:
-    return max(box_px[2] - box_px[0], box_px[3] - box_px[1])
+    return min(box_px[2] - box_px[0], box_px[3] - box_px[1])
 
 
 RenderedDepth = tuple[Array, NDArray[np.int32]]
@@ -356,21 +360,32 @@ class RoomEstimate:
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
             return [min(given, key=lambda one: abs(one - low_m))] if given else heights_under(points, tops)
         support = self.flat_beneath(detection) if support is None else support
-        tops = self.tops_seen_below(detection) if support is None else tops
-        return heights_behind(self.observation, detection, tops, None if support is None else support.guess)
+        if support is not None:
+            return heights_behind(self.observation, detection, tops, support.guess)
+        found = heights_behind(self.observation, detection, self.tops_seen_below(detection), None)
+        # The floor before a piece of furniture is in the lower half of its box.
+        upper = self.tops_seen_below(detection, _UPPER) if found == [0.0] else []
+        nearest = min(upper, key=lambda top: off_top_px(self.observation, detection.box_px, top), default=None)
+        return found if nearest is None else [round(nearest.height_m, 4)]
 
-    def tops_seen_below(self, detection: Detection) -> list[Top]:
+    def tops_seen_below(self, detection: Detection, share: float = 1.0) -> list[Top]:
         """Return the tops that a thing may stand on by its box: where it ends is in the box of what has the top.
 
-        Of items only those carry something on which things usually stand: what is before a thing is not below it.
+        Of others than furniture only those carry something on which things usually stand: what is before a thing is not
+        below it.
+
+        Args:
+            detection: The thing.
+            share: Of a support's box, from its upper edge on, that counts.
         """
         x0, _, x1, y1 = detection.box_px
         seen = []
         for index, fit in self.fits.items():
             left, top, right, bottom = self.detections[index].box_px
             over_x, over_y = _BEYOND_BOX * (right - left), _BEYOND_BOX * (bottom - top)
-            ends_in_it = left - over_x < (x0 + x1) / 2 < right + over_x and top - over_y < y1 < bottom + over_y
-            if ends_in_it and (not is_item(fit.guess) or carries(self.detections[index].label)):
+            ends_in_it = left - over_x < (x0 + x1) / 2 < right + over_x and top - over_y < y1
+            ends_in_it &= y1 < top + share * (bottom - top) + over_y
+            if ends_in_it and (is_furniture(self.detections[index]) or carries(self.detections[index].label)):
                 seen.append(fit.guess)
         return list(tops_of(seen))
 

@@ -37,7 +37,9 @@ LEAST_IN_BOX = 0.5
 
 _FLAT = 0.25  # Of its narrower side: what is lower is a magazine or a plate, and no open box.
 _HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
-_SHARES = tuple(1.05**step for step in range(-20, 21))  # Of a distance, tried where a thing is beside its top.
+_SHARES = tuple(sorted((1.05**step for step in range(-20, 21)), key=lambda share: abs(math.log(share))))
+"""Of a distance, tried where a thing is beside its top: the least change first."""
+
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -149,9 +151,7 @@ class RoomFitter:
         at = np.array([guess.x_m, guess.y_m])
         if not same or any(top.distance_m(at) == 0.0 for top in same):
             return found
-        _, share = min(
-            (min(top.distance_m(share * at) for top in same), share) for share in sorted(_SHARES, key=_change)
-        )
+        share = min(_SHARES, key=lambda share: min(top.distance_m(share * at) for top in same))
         size_m = tuple(share * side for side in guess.size_m)
         moved = replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=(size_m[0], size_m[1], size_m[2]))
         if detection.size_m is not None or raycaster_of(moved) is None:
@@ -191,10 +191,6 @@ class RoomFitter:
             return True
         self._views[index] = view
         return False
-
-
-def _change(share: float) -> float:
-    return abs(math.log(share))
 
 
 def _of_size(found: Fit, detection: Detection) -> Fit:

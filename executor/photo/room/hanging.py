@@ -21,19 +21,9 @@ from executor.photo.fitting.likelihood import Fit, SearchContext
 from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.annotations import Detection, plain_name
+from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.usual import hung_depth_m
-from executor.photo.room.estimate import (
-    MISJUDGED_M,
-    MISJUDGED_SHARE,
-    NEAR_TOP_M,
-    RoomEstimate,
-    Top,
-    is_item,
-    off_top_px,
-    tops_of,
-)
-from oag.model.symbols import Kind, is_known, kind_of
+from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
 
 Box = tuple[float, float, float, float]
 
@@ -65,9 +55,7 @@ def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
     """
     detection = room.detections[index]
     usual_m = hung_depth_m(detection.label)
-    names = (detection.category or "", plain_name(detection.label) or "")
-    is_furniture = any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names)
-    if detection.on is not None or (usual_m is None and is_furniture):
+    if detection.on is not None or (usual_m is None and is_furniture(detection)):
         return None
     if room.observation.has_depth:
         return _by_depth(room, index, around, usual_m)
@@ -162,7 +150,9 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
 def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
     view, detection = room.observation, room.detections[index]
     box_px = detection.box_px
-    if any(_may_carry(view, top, box_px, sure=usual_m is not None) for top in room.tops_seen_below(detection)):
+    tops = room.tops_seen_below(detection)
+    # What ends in the box of something that has a top is on that rather than on a wall behind it.
+    if tops and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
         return None
     ray = view.rays[
         min(int((box_px[1] + box_px[3]) / 2), view.size_px[1] - 1),
@@ -196,14 +186,10 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     return fit_on_wall(around, box_px, entry, wall, max(deep_m, _LEAST_DEEP_M), assumption)
 
 
-def _may_carry(view: Observation, top: Top, box_px: Box, *, sure: bool) -> bool:
-    """Return whether a box ends over a top, or, unless that has to be sure, so near that the top may be misjudged."""
+def _is_over(view: Observation, top: Top, box_px: Box) -> bool:
+    """Return whether a box ends over a top."""
     foot = foot_of(view, box_px, top.height_m)
-    distance_m = math.inf if foot is None else top.distance_m(foot)
-    if sure:
-        return distance_m == 0.0
-    side_px = max(box_px[2] - box_px[0], box_px[3] - box_px[1])
-    return distance_m < MISJUDGED_M or off_top_px(view, box_px, top) < MISJUDGED_SHARE * side_px
+    return foot is not None and top.distance_m(foot) == 0.0
 
 
 def _wall_m(
