@@ -22,7 +22,16 @@ from PIL import Image as Drawing
 from bddl import near_names
 from executor.assets.library import LIBRARY
 from executor.photo.errors import PhotoRefused
-from executor.photo.inputs.annotations import FLOOR, LEAST_PX, Detection, Detections, Detector, LeftOut, category_named, is_left_out
+from executor.photo.inputs.annotations import (
+    FLOOR,
+    LEAST_PX,
+    Detection,
+    Detections,
+    Detector,
+    LeftOut,
+    category_named,
+    is_left_out,
+)
 from executor.photo.inputs.picture import Photograph
 from executor.scenes.models import NoMatchingModel
 from executor.system.extras import require

@@ -14,8 +14,8 @@ from executor.assets.library import asset_for
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
-from executor.photo.overlaps import CLEARANCE_M, EDGE_M, SAME_HEIGHT_M
 from executor.photo.inputs.usual import carries
+from executor.photo.overlaps import CLEARANCE_M, EDGE_M, SAME_HEIGHT_M
 from executor.photo.room.estimate import is_item
 from executor.photo.room.reconstruct import FittedThing
 from oag import Scene, SceneObject

@@ -51,7 +51,7 @@ _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and sides.
 _HUNG_DEEP, _HUNG_DEEP_M = 0.5, FURNITURE_SIDE_M + 0.01  # Of a box on a wall: share of its sides, and most.
 _WALL_ROUNDS, _LEAST_HUNG_M, _OFF_WALL_M, _LEAST_SLOPE = 4, 0.01, 0.002, 0.05
-"""How often a thing on a wall is fitted to its box again; its least side; its gap to the wall; the least slope of rays."""
+"""Of a thing on a wall: how often it is fitted to its box again, least side, gap to the wall, least slope of rays."""
 
 _AT_BORDER = 0.04  # Of the picture's side: a box that ends there may be cut.
 

@@ -23,7 +23,7 @@ from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Size, is_round, largest_m, raycaster_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.usual import usual_thickness_m
+from executor.photo.inputs.usual import usual_height_m, usual_thickness_m
 from executor.scenes.models import ABSURD
 from oag.model.symbols import Kind, kind_of
 
@@ -49,7 +49,7 @@ _ASKEW = math.sin(2 * math.radians(8.0))
 _LENGTH_SPREAD, _HEIGHT_SPREAD = 0.5, 0.8
 """Standard deviations of the logarithms of a thing's length and height by its width, where its name tells nothing."""
 
-_THICK_SPREAD = 0.15  # The same of a thickness that the name tells.
+_THICK_SPREAD = 0.15  # The same of a thickness or a height that the name tells.
 _CARRIED_SIGMA_M, _CARRIED_MOST = 0.08, 6.0
 """How far beside a top things on it may seem to end, without depth; the most that one costs, which may be elsewhere."""
 
@@ -147,7 +147,9 @@ def usual_size_cost(guess: PoseHypothesis) -> float:
         along = math.log(length / width) / _LENGTH_SPREAD
         if usual_m is not None:
             along = math.log(length / usual_m) / _THICK_SPREAD
-        off = along, math.log(height / width) / _HEIGHT_SPREAD
+        high_m = usual_height_m(entry.category)
+        up = math.log(height / width) / _HEIGHT_SPREAD if high_m is None else math.log(height / high_m) / _THICK_SPREAD
+        off = along, up
         return 0.5 * (off[0] ** 2 + off[1] ** 2)
     cost = 0.0
     for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):

@@ -42,7 +42,7 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.inputs.usual import is_hollow, is_inset, usual_thickness_m
+from executor.photo.inputs.usual import is_hollow, is_inset, usual_height_m, usual_thickness_m
 from oag.model.symbols import Kind, is_known, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
@@ -63,6 +63,7 @@ _IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scal
 _SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box gives the size.
 _LOW = 0.6  # Share of the usual height of a low model.
 _LOWEST, _FLATTEST_M = 0.15, 0.01  # Share of its width, and height, of a thing of which hardly a side is seen.
+_LYING = (0.3, 0.7, 1.4)  # Lengths of what lies flat, as shares of its width.
 _ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
 
@@ -265,6 +266,10 @@ def _sizes_m(
         thick_m = usual_thickness_m(entry.category)
         if thick_m is not None:
             yield min(thick_m, wide_m), wide_m, max(high_m, _LOWEST * wide_m)
+            return
+        low_m = usual_height_m(entry.category)
+        if low_m is not None:
+            yield from ((share * wide_m, wide_m, low_m) for share in _LYING)
             return
         yield wide_m, wide_m, max(high_m, _LOWEST * wide_m)
         yield wide_m / 2, wide_m, max(high_m / 2, _FLATTEST_M)

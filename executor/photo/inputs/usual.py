@@ -40,6 +40,11 @@ def usual_thickness_m(label: str) -> float | None:
     return next((_USUAL["thick"][one] for one in _endings(label) if one in _USUAL["thick"]), None)
 
 
+def usual_height_m(label: str) -> float | None:
+    """Return how high a thing of a name usually is where it lies [m]; None where its name does not tell."""
+    return next((_USUAL["high"][one] for one in _endings(label) if one in _USUAL["high"]), None)
+
+
 def _words(label: str) -> list[str]:
     return (plain_name(label) or "").split("_")
 

@@ -321,8 +321,9 @@ class RoomEstimate:
         """
         own = self.detections[index]
         category = own.category or plain_name(own.label) or ""
-        rays = []
-        if not self.observation.has_depth and self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0)):
+        rays: list[Array] = []
+        is_support = self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0))
+        if is_support and not self.observation.has_depth:
             width, height = self.observation.size_px
             left, top, right, bottom = own.box_px
             for other, thing in enumerate(self.detections):

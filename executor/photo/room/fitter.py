@@ -138,7 +138,7 @@ class RoomFitter:
                 yield found
 
     def _over_its_top(self, detection: Detection, found: Fit) -> Fit:
-        """Return a fit without depth moved along the view, and scaled with that, until it is over the top that it is on.
+        """Return a fit without depth, moved along the view and scaled with that until it is over the top that it is on.
 
         Where a top is nearly as high as the camera, or its support is small, a little of the picture is far beside it.
         """

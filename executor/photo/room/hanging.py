@@ -177,9 +177,7 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     )
     normal = -np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
     wall = Wall(normal, far_m * float(toward @ normal), (0.0, 0.0), 0.0, math.inf)
-    wide_m, high_m = (
-        side / view.K.fx * far_m for side in (box_px[2] - box_px[0], box_px[3] - box_px[1])
-    )
+    wide_m, high_m = (side / view.K.fx * far_m for side in (box_px[2] - box_px[0], box_px[3] - box_px[1]))
     deep_m = min(_DEEP_SHARE * min(wide_m, high_m), _DEEP_M) if usual_m is None else usual_m
     entry = generic_models(room.detections[index])[0]
     assumption = "it hangs, and how far off shows nothing: behind what is below it in the picture"
