@@ -57,7 +57,7 @@ class Detection:
         source: Detector or annotator, for people.
         mask: (H, W) its own pixels, if they are known; the box is then around them.
         doors, drawers: Given numbers; None if unknown.
-        on: Index of the given support among the detections; FLOOR, or None if unknown.
+        on: Index of the given support among the detections; FLOOR or WALL, or None if unknown.
         provenance: Origin of box and label.
         size_m: Given length, width and height; None where they are fitted.
     """
@@ -132,8 +132,11 @@ class Detection:
         }
 
 
-FLOOR = -1
+FLOOR, WALL = -1, -2
 """In place of the index of a support."""
+
+OWN_SUPPORTS = {"floor": FLOOR, "wall": WALL}
+"""What the room itself carries, by the names in files."""
 
 
 @dataclass(frozen=True)

@@ -359,7 +359,15 @@ class RoomEstimate:
             # Where a person or a model says what it stands on, only its tops count.
             low_m = float(np.percentile(points[:, 2], 5.0))
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
-            return [min(given, key=lambda one: abs(one - low_m))] if given else heights_under(points, tops)
+            if given:
+                return [min(given, key=lambda one: abs(one - low_m))]
+            found = heights_under(points, tops)
+            is_known = found[0] == 0.0 or any(round(top.height_m, 4) == found[0] for top in tops)
+            # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
+            middle = np.median(points, axis=0)
+            over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
+            below = [round(top.height_m, 4) for top in over if top.height_m < middle[2]]
+            return found if is_known or not below else [max(below)]
         support = self.flat_beneath(detection) if support is None else support
         if support is not None:
             return heights_behind(self.observation, detection, tops, support.guess)

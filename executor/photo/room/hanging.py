@@ -21,7 +21,7 @@ from executor.photo.fitting.likelihood import Fit, SearchContext
 from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import WALL, Detection
 from executor.photo.inputs.usual import hung_depth_m
 from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
 
@@ -55,8 +55,10 @@ def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
     """
     detection = room.detections[index]
     usual_m = hung_depth_m(detection.label)
-    if detection.on is not None or (usual_m is None and is_furniture(detection)):
+    if detection.on not in (None, WALL) or (usual_m is None and is_furniture(detection)):
         return None
+    if detection.on == WALL:
+        usual_m = _DEEP_M if usual_m is None else usual_m
     if room.observation.has_depth:
         return _by_depth(room, index, around, usual_m)
     return _by_box(room, index, around, usual_m)
@@ -101,7 +103,9 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     else:
         on_top = any(abs(top.height_m - low_m) < _ON_TOP_M and top.distance_m(at) == 0.0 for top in tops)
     wall = wall_behind(view, detection.box_px, room.walls)
-    if low_m < _STANDS_M or on_top or wall is None:
+    if detection.on == WALL and wall is None:
+        return _by_box(room, index, around, usual_m)
+    if ((low_m < _STANDS_M or on_top) and detection.on != WALL) or wall is None:
         return None
     out_m, slack_m = _out_m(points, wall), _SIGMAS * float(np.median(view.depth_distortion_m[own]))
     # Glass and screens mirror: what seems to be behind its wall is on it.
@@ -152,7 +156,7 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     box_px = detection.box_px
     tops = room.tops_seen_below(detection)
     # What ends in the box of something that has a top is on that rather than on a wall behind it.
-    if tops and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
+    if tops and detection.on != WALL and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
         return None
     ray = view.rays[
         min(int((box_px[1] + box_px[3]) / 2), view.size_px[1] - 1),

@@ -14,7 +14,8 @@ from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.fitting.likelihood import carried_cost
 from executor.photo.fitting.starts import generic_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
-from executor.photo.inputs.annotations import Detection, is_left_out
+from executor.photo.inputs.annotations import FLOOR, Detection, is_left_out
+from executor.photo.inputs.annotations import WALL as WALL_ITSELF
 from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
@@ -153,3 +154,12 @@ def test_a_top_that_ends_before_what_stands_on_it_costs_and_no_more_than_so_much
     assert carried_cost(TABLE, eye, np.concatenate([over, beyond])) == pytest.approx(6.0)
     chairless = replace(TABLE, entry=GENERIC["generic_box"])
     assert carried_cost(chairless, eye, np.zeros((0, 3))) == 0.0
+
+
+def test_a_person_may_say_that_something_hangs_or_that_it_does_not() -> None:
+    seen, (_, _, mug) = seen_from_above(WALL, BOARD, MUG)
+    (thing,) = reconstruct(seen, [replace(named("gadget", mug), on=WALL_ITSELF)], ()).things
+    assert thing.fit.guess.fixed
+    seen, (_, panel) = seen_from_above(WALL, PANEL)
+    (thing,) = reconstruct(seen, [replace(named("picture", panel), on=FLOOR)], ()).things
+    assert not thing.fit.guess.fixed and thing.fit.guess.bottom_m == 0.0
