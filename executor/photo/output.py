@@ -41,7 +41,7 @@ SIZE_DIGITS = 3
 
 
 def stands_on(result: PhotoResult) -> dict[str, str]:
-    """Return id -> the id of what an object stands on or in, `floor`, or `wall` if it is fixed; none without a scene."""
+    """Return id -> the id of what an object stands on or in, else `floor`, or `wall` if fixed; none without a scene."""
     scene = result.made.scene
     if scene is None:
         return {}
