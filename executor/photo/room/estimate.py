@@ -366,7 +366,7 @@ class RoomEstimate:
             # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
             middle = np.median(points, axis=0)
             over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
-            below = [round(top.height_m, 4) for top in over if top.height_m < middle[2]]
+            below = [round(top.height_m, 4) for top in over if low_m < top.height_m < middle[2]]
             return found if is_known or not below else [max(below)]
         support = self.flat_beneath(detection) if support is None else support
         if support is not None:
