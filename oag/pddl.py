@@ -214,7 +214,7 @@ class _Export:
         asked = {each.fact for each in self._goal}
         for name, thing in self.scene.objects.items():
             grip = holding(name) if thing.kind is Kind.ITEM else gripping(name)
-            for primitive in () if thing.kind is Kind.SUPPORT else _REACHING:
+            for primitive in () if thing.kind in (Kind.SUPPORT, Kind.FIXED) else _REACHING:
                 yield Part(primitive, name, hand=EMPTY)
             if thing.kind is Kind.ARTICULATED:
                 yield from (Part(primitive, name, hand=grip) for primitive in (*ARTICULATIONS, Primitive.UNGRASP))

@@ -364,6 +364,9 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
         if name in OWN_NAMES and name not in scene.objects:
             message = f"{name} cannot be {atom.predicate} {place}: {name} is no object of the scene"
             return KindProblem(message, "", ("kind", name))
+        if thing is not None and thing.kind is Kind.FIXED:
+            message = f"nothing can be {atom.predicate} {thing.id} ({thing.category}): it is fixed to the room"
+            return KindProblem(message, "", ("kind", thing.id))
         if atom.predicate == "inside" and thing is not None and not has_inside(thing.category):
             message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
             hint = f"what is on it is (ontop {name} {thing.id})"

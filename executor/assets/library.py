@@ -254,11 +254,18 @@ def asset_for(obj: SceneObject) -> Asset:
         AssetError: No family builds the category, or the family cannot build the object's size or a parameter.
     """
     if obj.model.startswith(PREFIX):
-        return with_resistance(obj, imported_asset(obj))
-    known = BUILT.get(obj.model)
-    asset = _at_size(obj, _family(obj) if known is None else known.build)
-    asset = asset if known is None else replace(asset, synset=known.synset)
-    return with_resistance(obj, asset)
+        asset = imported_asset(obj)
+    else:
+        known = BUILT.get(obj.model)
+        asset = _at_size(obj, _family(obj) if known is None else known.build)
+        asset = asset if known is None else replace(asset, synset=known.synset)
+    return _fixed(asset) if obj.fixed else with_resistance(obj, asset)
+
+
+def _fixed(asset: Asset) -> Asset:
+    """Return an asset that does not move, and neither is taken nor carries anything."""
+    motion = "static" if asset.motion == "dynamic" else asset.motion
+    return replace(asset, motion=motion, handles=(), regions=(), graspable_width_m=None, rim=None)
 
 
 def asset_hash(obj: SceneObject) -> str:

@@ -14,13 +14,13 @@ from bddl import near_names
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import Size, hypothesis_of
 from executor.photo.fitting.likelihood import Fit, RatedHypothesis
-from executor.photo.inputs.annotations import FLOOR, Detection, Detections, category_named, plain_name
+from executor.photo.inputs.annotations import FLOOR, OWN_SUPPORTS, Detection, Detections, category_named, plain_name
 from executor.photo.inputs.picture import Photograph
 from executor.photo.output import SIZE_DIGITS, THINGS
 from executor.scenes.models import NoMatchingModel
 from executor.system.files import read_json
 
-_FORM = 'expected the file that was written, with other values of "label", "on" (an id, or floor) or "size_m"'
+_FORM = 'expected the file that was written, with other values of "label", "on" (an id, floor or wall) or "size_m"'
 _CORRECTED = "corrected by hand"
 
 
@@ -111,10 +111,10 @@ def _detection(
     earlier = {} if was is None else was["given"]
     on = None if was is not None and entry["on"] == was["stands_on"] else entry.get("on")
     given_on = earlier.get("on") if on is None else on
-    if given_on is not None and given_on != "floor" and given_on not in places:
+    if given_on is not None and given_on not in OWN_SUPPORTS and given_on not in places:
         near = near_names(str(given_on), tuple(places)) or list(places)
         raise PhotoRefused(
-            "again", path, f"{label} is on {given_on!r}, which is no id", f"expected floor, {', '.join(near)}"
+            "again", path, f"{label} is on {given_on!r}, which is no id", f"expected floor, wall, {', '.join(near)}"
         )
     sized = was is not None and _is_resized(entry, was)
     size_m = entry["size_m"] if sized else earlier.get("size_m")
@@ -127,7 +127,7 @@ def _detection(
         _CORRECTED if renamed or was is None else str(was["label_source"]),
         doors=earlier.get("doors"),
         drawers=earlier.get("drawers"),
-        on=None if given_on is None else FLOOR if given_on == "floor" else places[given_on],
+        on=None if given_on is None else {**places, **OWN_SUPPORTS}[given_on],
         provenance="person" if renamed or was is None else was["label_provenance"],
         size_m=None if size_m is None else _size(path, label, size_m),
     )

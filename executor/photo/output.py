@@ -27,7 +27,7 @@ from PIL import Image
 import bddl
 from executor.photo.drawing import cut, draw_outlines, side_by_side, visible_owners
 from executor.photo.errors import PhotoRefused
-from executor.photo.inputs.annotations import FLOOR
+from executor.photo.inputs.annotations import OWN_SUPPORTS
 from executor.photo.pipeline import PhotoInput, PhotoResult
 from executor.photo.room.reconstruct import FittedThing
 from executor.photo.scene import COUNT, RoomVariation, provenance
@@ -41,9 +41,12 @@ SIZE_DIGITS = 3
 
 
 def stands_on(result: PhotoResult) -> dict[str, str]:
-    """Return id -> the id of what an object stands on or in, `floor` for the floor; none without a scene."""
+    """Return id -> the id of what an object stands on or in, else `floor`, or `wall` if fixed; none without a scene."""
     scene = result.made.scene
-    return {} if scene is None else {thing.id: _beneath(scene).get(thing.id, "floor") for thing in result.found.things}
+    if scene is None:
+        return {}
+    own = {key: "wall" if obj.fixed else "floor" for key, obj in scene.objects.items()}
+    return {thing.id: _beneath(scene).get(thing.id, own[thing.id]) for thing in result.found.things}
 
 
 def things_text(result: PhotoResult, inputs: Mapping[str, object]) -> str:
@@ -267,8 +270,8 @@ def result_json(result: PhotoResult) -> dict[str, object]:
 def _given_support(thing: FittedThing, result: PhotoResult) -> str | None:
     """Return the id of the support that the detection names."""
     on = thing.detection.on
-    if on is None or on == FLOOR:
-        return None if on is None else "floor"
+    if on is None or on < 0:
+        return next((name for name, own in OWN_SUPPORTS.items() if own == on), None)
     beneath = result.given.detections[on]
     return next((other.id for other in result.found.things if other.detection is beneath), None)
 

@@ -16,6 +16,7 @@ from executor.geometry import rotation_z
 from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
 from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
 from oag.model.symbols import Kind, kind_of
 
@@ -64,13 +65,16 @@ def resolve_overlaps(
         fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
     """
     room = dict(guesses)
-    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0]
+    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0 and not one.fixed]
     # What carries others is placed before them.
     small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
     for key in small:
+        if room[key].fixed:
+            room[key] = _out_of_walls(_aligned(room[key], walls), walls)
+            continue
         tops = tops_of(one for other, one in room.items() if other != key)
         if key not in hung and not is_on_one(room[key], tops, same_height_m):
             _let_carry(room, key)
@@ -99,11 +103,17 @@ def _put_on_tops(
     notes = []
     for key in small:
         others = {other: room[other] for other in room if other != key}
+        if room[key].fixed:
+            notes.append(f"{key} hangs on a wall, {room[key].bottom_m:.2f} m above the floor")
+            continue
         if key in hung and not is_item(room[key]):
             if not _stands(room[key], others):
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
-        room[key] = _on_its_top(room[key], others, same_height_m, farthest_m)
+        fitted = room[key]
+        room[key] = _on_its_top(fitted, others, same_height_m, farthest_m)
+        if room[key] is not fitted:
+            continue
         if is_item(room[key]) and not _stands(room[key], others):
             # Its support may end too early: where nothing is below it, a near top is likelier than the floor.
             room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M, farthest_m)
@@ -248,6 +258,9 @@ def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothes
     if a.depth_m(b) <= 0.0:
         return first, second
     second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
+    if first.fixed is not second.fixed:
+        # What hangs is where its wall is.
+        second_gives = first.fixed
     least: tuple[float, np.ndarray] | None = None
     for yaw in (a.yaw_rad, b.yaw_rad):
         for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
@@ -279,10 +292,17 @@ def _on_its_top(
         on_item = is_item(other)
         if on_item and other.bottom_m >= guess.bottom_m:
             continue
+        if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
+            # Without depth, what is before a thing may seem to be below it.
+            continue
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
             T, half = region_frame(carrier, region)
-            if abs(float(T[2, 3]) - guess.bottom_m) > same_height_m:
+            level_m = float(T[2, 3])
+            if on_item and min(guess.size_m[:2]) > 2 * min(half):
+                # On a plate, what is wider than its hollow rests on the rim.
+                level_m = other.bottom_m + other.size_m[2]
+            if abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
@@ -295,7 +315,7 @@ def _on_its_top(
             by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
             if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
-                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
+                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]
 
 

@@ -22,9 +22,18 @@ from PIL import Image as Drawing
 from bddl import near_names
 from executor.assets.library import LIBRARY
 from executor.photo.errors import PhotoRefused
-from executor.photo.inputs.annotations import FLOOR, LEAST_PX, Detection, Detections, Detector, LeftOut, category_named
+from executor.photo.inputs.annotations import (
+    FLOOR,
+    LEAST_PX,
+    Detection,
+    Detections,
+    Detector,
+    LeftOut,
+    category_named,
+    is_left_out,
+)
 from executor.photo.inputs.picture import Photograph
-from executor.scenes.models import FLAT, NoMatchingModel
+from executor.scenes.models import NoMatchingModel
 from executor.system.extras import require
 from llm.client.budget import Metered
 from llm.client.transport import Image
@@ -74,8 +83,8 @@ def unlike(label: str) -> str | None:
 def to_detections(candidates: Sequence[FoundBox], size_px: tuple[int, int], source: str) -> Detections:
     """Turn a detector's boxes into detections, and list the others.
 
-    Of nearly identical boxes the one with the highest score stays, the first among equals; flat objects on walls are
-    left out.
+    Of nearly identical boxes the one with the highest score stays, the first among equals; the room itself is left
+    out.
 
     Args:
         candidates: The boxes.
@@ -89,7 +98,7 @@ def to_detections(candidates: Sequence[FoundBox], size_px: tuple[int, int], sour
         one = candidates[index]
         x0, y0 = max(0.0, one.box_px[0]), max(0.0, one.box_px[1])
         box = (x0, y0, min(float(width), one.box_px[2]), min(float(height), one.box_px[3]))
-        if min(box[2] - box[0], box[3] - box[1]) < LEAST_PX or one.label.lower() in FLAT:
+        if min(box[2] - box[0], box[3] - box[1]) < LEAST_PX or is_left_out(one.label):
             continue
         reason = unlike(one.label)
         if reason is not None:

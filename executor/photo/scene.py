@@ -213,6 +213,8 @@ def _entry(obj: SceneObject) -> dict[str, object]:
     }
     if obj.parameters:
         entry["parameters"] = dict(obj.parameters)
+    if obj.fixed:
+        entry["fixed"] = True
     return entry
 
 

@@ -14,10 +14,12 @@ from executor.assets.library import asset_for
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
-from executor.photo.overlaps import CLEARANCE_M, EDGE_M
+from executor.photo.inputs.usual import carries
+from executor.photo.overlaps import CLEARANCE_M, EDGE_M, SAME_HEIGHT_M
 from executor.photo.room.estimate import is_item
 from executor.photo.room.reconstruct import FittedThing
-from oag import Scene
+from oag import Scene, SceneObject
+from oag.model.symbols import Kind
 
 YIELDS = ((1.0, 1.0, 0.3), (0.5, 1.0, 0.4), (0.4, 0.7, 0.6), (0.25, 0.4, 2.0))
 """How far a thing yields until physics accepts it: shares of its first depth along the view and of its first width, and
@@ -72,6 +74,11 @@ def _narrower(guess: PoseHypothesis, deep_share: float, wide_share: float) -> Po
     return replace(guess, x_m=x_m, y_m=y_m, size_m=(sides[0], sides[1], guess.size_m[2]))
 
 
+def _is_on(obj: SceneObject, guess: PoseHypothesis) -> bool:
+    """Return whether a hypothesis was fitted to the top of an object."""
+    return abs(obj.position[2] + obj.extent_m[2] / 2 - guess.bottom_m) < SAME_HEIGHT_M
+
+
 def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> PoseHypothesis | None:
     """Return the nearest place at which a thing is in nothing else, over a top or the floor; None within reach.
 
@@ -83,6 +90,8 @@ def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> P
     hangs_m = _HANGS_M if floor > 0.0 else 0.0
     places: list[tuple[float, np.ndarray, np.ndarray]] = [(floor, np.eye(4), np.full(2, math.inf))]
     for obj in others if is_item(guess) or hangs_m else ():
+        if obj.kind is Kind.ITEM and not (carries(obj.category) or _is_on(obj, guess)):
+            continue
         for region in asset_for(obj).regions:
             if region.kind == "surface":
                 T, half = region_frame(obj, region)

@@ -33,7 +33,7 @@ class Solid:
     """An object with its geometry, which takes longer to make than to compare.
 
     Attributes:
-        tops: Pose and half sides of every supporting surface; the top of its box without any.
+        tops: Pose and half sides of every supporting surface; the top of its box without any, unless it is fixed.
         hollows: Pose and half sides of the floors of its hollows, with the height of each hollow.
     """
 
@@ -55,7 +55,7 @@ class Solid:
             obj,
             body,
             tuple(solid_parts(obj)),
-            tops or ((top, np.array([body.half_x_m, body.half_y_m])),),
+            tops or (() if obj.fixed else ((top, np.array([body.half_x_m, body.half_y_m])),)),
             tuple((*region_frame(obj, region), region.height_m) for region in hollows),
         )
 
@@ -136,14 +136,15 @@ def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
 def derive_support_relations(things: Mapping[str, Solid], fallen: Iterable[Solid] = ()) -> Iterator[bddl.Atom]:
     """Yield support relations: `inside` every hollow that contains an object, `ontop` of the nearest top beneath it.
 
-    A thing in another item, such as an apple in a bowl, is on nothing. Furniture is on other furniture only.
+    A thing in another item, such as an apple in a bowl, is on nothing. Furniture is on other furniture only, and what
+    is fixed is on nothing.
 
     Args:
         things: The upright objects, which may carry and contain others.
         fallen: Items that lie or lean, on and in which nothing stands.
     """
     for thing in (*things.values(), *fallen):
-        if thing.obj.category in _STANDS_ON_NOTHING:
+        if thing.obj.category in _STANDS_ON_NOTHING or thing.obj.fixed:
             continue
         others = [other for other in things.values() if other is not thing and thing.near(other)]
         if thing.obj.kind is not Kind.ITEM:

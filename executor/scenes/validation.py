@@ -211,7 +211,7 @@ def _instead(first: Solid, second: Solid) -> str:
 def _floating(thing: Solid, others: list[Solid]) -> Iterator[Issue]:
     """Yield an issue if nothing is under an object, or if it is in the floor; furniture may hang on a wall."""
     key, body = thing.obj.id, thing.body
-    if thing.obj.category in ("wall", FLOOR):
+    if thing.obj.category in ("wall", FLOOR) or (thing.obj.fixed and body.low_m >= 0.0):
         return
     if body.low_m < -NEAR_M:
         meant = f"on the floor its middle is at z = {(body.high_m - body.low_m) / 2:.3f}; or give x y only"
@@ -250,7 +250,7 @@ def _sunk(thing: Solid, others: Iterable[Solid]) -> Iterator[Issue]:
 def _over_the_edge(thing: Solid, others: Iterable[Solid]) -> Iterator[Issue]:
     """Yield an issue if an object's centre is beyond its support's edge, or hardly within it."""
     body, obj = thing.body, thing.obj
-    if obj.category in ("wall", FLOOR) or _leans(obj) or body.low_m < NEAR_M:
+    if obj.category in ("wall", FLOOR) or obj.fixed or _leans(obj) or body.low_m < NEAR_M:
         return
     under = []
     for other in others:

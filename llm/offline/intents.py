@@ -292,6 +292,8 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
         The affordances. Doors and drawers are known from the lexicon, and from the words of the category and of the
             model, such as `cabinet_two_doors`.
     """
+    if thing.kind is Kind.FIXED:
+        return Affordances()
     is_fixture = thing.role == "A"
     closed = thing.kind is Kind.ARTICULATED
     unlisted = Affordances(interior=closed, door=closed, surface=thing.kind is Kind.SUPPORT)

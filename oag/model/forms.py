@@ -301,6 +301,9 @@ class ObjectForm(Form):
     parameters: Mapping[str, Any] | None = Field(
         None, description="What shapes the model besides its size, such as hinge, drawers or open_fraction."
     )
+    fixed: bool | None = Field(
+        None, description="Whether it is fixed to the room, as a picture is to its wall: not taken, and no support."
+    )
 
     @model_validator(mode="after")
     def _turned_once(self) -> Self:
@@ -456,6 +459,7 @@ def object_of(document: Document, key: str, form: ObjectForm, *, bare: bool = Fa
         bbox_extent=form.bbox_extent,
         scale=scale,
         parameters=dict(form.parameters or {}),
+        fixed=bool(form.fixed),
     )
     if form.position is None:
         return thing

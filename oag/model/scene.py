@@ -86,6 +86,7 @@ class SceneObject:
         scale: Factor along each of its own axes.
         parameters: Geometry of the asset, not read by this package.
         domain_kind: The kind that an own domain gives its category, or None; scenes fill it in.
+        fixed: Whether it is fixed to the room, as a picture is to its wall; its kind is then `Kind.FIXED`.
     """
 
     id: str
@@ -97,6 +98,7 @@ class SceneObject:
     scale: Vector3 = (1.0, 1.0, 1.0)
     parameters: Mapping[str, object] = field(default_factory=dict)
     domain_kind: Kind | None = None
+    fixed: bool = False
 
     @property
     def extent_m(self) -> Vector3:
@@ -113,7 +115,9 @@ class SceneObject:
 
     @property
     def kind(self) -> Kind:
-        """Articulated fixture, support or item, from the category."""
+        """Articulated fixture, support or item, from the category, unless it is fixed."""
+        if self.fixed:
+            return Kind.FIXED
         if self.domain_kind is not None:
             return self.domain_kind
         (x, y, _), (along_x, along_y, _) = self.bbox_extent, self.scale
@@ -282,9 +286,12 @@ def _write_object(thing: SceneObject) -> dict[str, object]:
     if not thing.has_box:
         return {"category": thing.category}
     written = {
-        key: value for key, value in fields_json(thing).items() if key not in ("id", "parameters", "domain_kind")
+        key: value
+        for key, value in fields_json(thing).items()
+        if key not in ("id", "parameters", "domain_kind", "fixed")
     }
-    return written | ({"parameters": dict(thing.parameters)} if thing.parameters else {})
+    written |= {"parameters": dict(thing.parameters)} if thing.parameters else {}
+    return written | ({"fixed": True} if thing.fixed else {})
 
 
 def id_problem(key: str, category: object) -> str:

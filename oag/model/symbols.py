@@ -1,6 +1,7 @@
 """The symbols of plans: kinds of objects, the 21 primitives, facts and conditions.
 
 A kind says how the robot deals with an object: an articulated fixture, a support, or an item that the gripper takes.
+What is fixed to the room, such as a picture on a wall, is neither taken nor opened, and nothing is put on it.
 
 A fact is a tuple of strings: a predicate with its arguments, such as `("ontop", "glass_0", "table_0")`, with the value
 True or False; or one of the robot's three variables, whose value is a phrase:
@@ -37,6 +38,7 @@ class Kind(Enum):
     ARTICULATED = "articulated fixture"
     SUPPORT = "support"
     ITEM = "item"
+    FIXED = "fixed thing"
 
     @property
     def role(self) -> Role:
@@ -63,7 +65,8 @@ _SUPPORT = _words(
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
     "pear peach tomato potato onion carrot egg book sponge carton lid kettle teapot pitcher jug block "
-    "cube ball basket toy phone remote pen lamp paper newspaper pillow cushion towel cloth"
+    "cube ball basket toy phone remote pen lamp paper newspaper pillow cushion towel cloth "
+    "shirt jacket coat sweater blanket scarf hat shoe bag backpack purse keyboard"
 )
 
 _RIMMED = _words("bowl cup mug")
@@ -117,6 +120,8 @@ def takes_things(category: str, kind: Kind) -> bool:
 
 def carries_things(category: str, kind: Kind) -> bool:
     """Decide whether people put things onto objects of a category: furniture, and items that are flat."""
+    if kind is Kind.FIXED:
+        return False
     noun = _category_words(category)[-1]
     return noun in _FLAT if kind is Kind.ITEM else noun not in _BARE
 
@@ -239,7 +244,7 @@ def applicable(primitive: Primitive, kind: Kind) -> bool:
     """Decide whether a primitive can act on a kind of object at all: it has joints to articulate, or can be grasped."""
     if primitive in ARTICULATIONS:
         return kind is Kind.ARTICULATED
-    return primitive is not Primitive.GRASP or kind is not Kind.SUPPORT
+    return primitive is not Primitive.GRASP or kind not in (Kind.SUPPORT, Kind.FIXED)
 
 
 def parameter_kind(primitive: Primitive) -> ParameterKind:

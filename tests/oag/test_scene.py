@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+import bddl
 import oag
-from oag.model.symbols import Kind, is_known, kind_of
+from oag.model.symbols import Kind, Primitive, applicable, carries_things, is_known, kind_of
+from oag.wellformed import kind_problem
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene
 
@@ -217,3 +219,20 @@ def test_a_turn_that_was_read_is_read_again_as_it_was(orientation: list[float]) 
 )
 def test_a_category_is_known_where_no_size_changes_its_kind(category: str) -> None:
     assert is_known(category) is (kind_of(category, 0.01) is kind_of(category, 1.0))
+
+
+def test_what_is_fixed_is_neither_taken_nor_a_place() -> None:
+    objects = {
+        key: {"category": category, "position": [x, 0.0, 0.5], "bbox_extent": [0.1, 0.1, 0.1]}
+        for key, category, x in (("mug_0", "mug", 1.0), ("clock_0", "clock", 2.0))
+    }
+    scene = oag.Scene.from_json({"objects": objects})
+    assert scene["clock_0"].kind is Kind.ITEM and "fixed" not in str(scene.to_json())
+    hung = oag.Scene.from_json({"objects": {**objects, "clock_0": {**objects["clock_0"], "fixed": True}}})
+    assert hung["clock_0"].kind is Kind.FIXED and hung["clock_0"].role == "A"
+    assert oag.Scene.from_json(hung.to_json()) == hung
+    assert not applicable(Primitive.GRASP, Kind.FIXED) and not carries_things("table", Kind.FIXED)
+    for predicate in ("ontop", "inside"):
+        problem = kind_problem(bddl.Atom(predicate, ("mug_0", "clock_0")), hung)
+        assert problem is not None and "it is fixed to the room" in problem.message
+        assert kind_problem(bddl.Atom(predicate, ("mug_0", "clock_0")), scene) is None

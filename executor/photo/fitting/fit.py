@@ -36,6 +36,8 @@ from executor.photo.fitting.refinement import (
     with_other_heights,
 )
 from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes, starts_of
+from executor.photo.geometry.observation import Observation
+from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from oag.model.symbols import FURNITURE_SIDE_M, Kind, kind_of
 
@@ -48,6 +50,9 @@ _SECOND, _LAST = 160, 120  # Renderings of a search.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and sides.
 _HUNG_DEEP, _HUNG_DEEP_M = 0.5, FURNITURE_SIDE_M + 0.01  # Of a box on a wall: share of its sides, and most.
+_WALL_ROUNDS, _LEAST_HUNG_M, _OFF_WALL_M, _LEAST_SLOPE = 4, 0.01, 0.002, 0.05
+"""Of a thing on a wall: how often it is fitted to its box again, least side, gap to the wall, least slope of rays."""
+
 _AT_BORDER = 0.04  # Of the picture's side: a box that ends there may be cut.
 
 
@@ -146,6 +151,65 @@ def fit_hung(
     raise AssertionError("a box can be built in any size")
 
 
+def fit_on_wall(
+    around: SearchContext,
+    box_px: tuple[float, float, float, float],
+    entry: ModelEntry,
+    wall: Wall,
+    deep_m: float,
+    assumption: str,
+) -> Fit | None:
+    """Return a thing with its back on a wall that fills its box, fixed there; None where the box looks beside the wall.
+
+    Args:
+        around: The context.
+        box_px: The detection's box.
+        entry: A box, as a model.
+        wall: The upright plane behind it.
+        deep_m: How far it stands out.
+        assumption: What is assumed, for people.
+    """
+    view = around.observation
+    front = replace(wall, offset_m=wall.offset_m + deep_m)
+    wanted = np.array(box_px)
+    asked = wanted.copy()
+    guess: PoseHypothesis | None = None
+    for _ in range(_WALL_ROUNDS):
+        corners = [_on_plane(view, pixel, front) for pixel in (asked[:2], asked[2:])]
+        if any(corner is None for corner in corners):
+            return None
+        low, high = np.sort(np.array(corners, dtype=float), axis=0)
+        sides = np.maximum(high - low, _LEAST_HUNG_M)
+        x, y = ((low[0] + high[0]) / 2) * wall.along + (wall.offset_m + deep_m / 2 + _OFF_WALL_M) * wall.normal
+        size = deep_m, float(sides[0]), float(sides[1])
+        guess = PoseHypothesis(entry, float(x), float(y), wall.yaw_rad, max(0.0, float(low[1])), size, (), True)
+        shown = np.concatenate(view.bounds_px(guess.corners_m()))
+        if not np.isfinite(shown).all():
+            return None
+        # From aside its side is seen too, within the same box.
+        asked += wanted - shown
+    if guess is None or raycaster_of(guess) is None:
+        return None
+    evidence = _likelihood(around, box_px, FINE_PX).evidence
+    spread_m = max(around.scale_share * math.hypot(guess.x_m, guess.y_m), _LEAST_HUNG_M)
+    coloured = with_colour(evidence, as_built(guess)) if len(evidence.z_m) else as_built(guess)
+    colour = median_colour(evidence, guess) if len(evidence.z_m) else None
+    spreads = spread_m, _LEAST_HUNG_M
+    return Fit(coloured, 0.0, (), 1.0, math.inf, 0, colour, spreads, assumed=assumption, hangs=True)
+
+
+def _on_plane(view: Observation, pixel: Array, plane: Wall) -> tuple[float, float] | None:
+    """Return where the ray of a pixel (2,) meets an upright plane: along it and above the floor; None beside it."""
+    K = view.K
+    ray = view.R_camera_level.T @ np.array([(pixel[0] - K.cx) / K.fx, (pixel[1] - K.cy) / K.fy, 1.0])
+    slope = float(ray[:2] @ plane.normal)
+    if slope > -_LEAST_SLOPE:
+        return None
+    t = (plane.offset_m - float(view.eye_m[:2] @ plane.normal)) / slope
+    at = view.eye_m + t * ray
+    return (float(at[:2] @ plane.along), float(at[2])) if t > 0.0 else None
+
+
 def fills_picture(thing: Detection, size_px: tuple[int, int]) -> list[ModelEntry]:
     """Return the models of a support whose box reaches three borders of the picture: it carries everything else."""
     x0, y0, x1, y1 = thing.box_px
@@ -187,7 +251,7 @@ def _likelihood(around: SearchContext, box_px: tuple[float, float, float, float]
     pixels = PixelEvidence.around(
         around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
     )
-    return Likelihood(pixels, around.near, around.scale_share)
+    return Likelihood(pixels, around.near, around.scale_share, around.above)
 
 
 def _described(fine: Likelihood, best: RatedHypothesis, others: Sequence[RatedHypothesis]) -> Fit | None:

@@ -50,6 +50,7 @@ class PoseHypothesis:
         bottom_m: Height of its support.
         size_m: Length, width, height.
         parameters: Options of the model, such as its hinge side.
+        fixed: Whether it hangs on a wall and is no furniture: it neither falls nor carries anything.
     """
 
     entry: ModelEntry
@@ -59,6 +60,7 @@ class PoseHypothesis:
     bottom_m: float
     size_m: Size
     parameters: Parameters = ()
+    fixed: bool = False
 
     def as_object(self, object_id: str = "guess") -> SceneObject:
         """Return it as an object of a scene."""
@@ -71,6 +73,7 @@ class PoseHypothesis:
             orientation=(math.cos(half), 0.0, 0.0, math.sin(half)),
             bbox_extent=self.size_m,
             parameters=dict(self.parameters),
+            fixed=self.fixed,
         )
 
     def to_json(self) -> dict[str, object]:
@@ -82,6 +85,7 @@ class PoseHypothesis:
             "yaw_rad": self.yaw_rad,
             "size_m": list(self.size_m),
             "parameters": dict(self.parameters),
+            **({"fixed": True} if self.fixed else {}),
         }
 
     def with_parameters(self, **values: object) -> PoseHypothesis:
@@ -117,7 +121,8 @@ def hypothesis_of(data: Mapping[str, Any]) -> PoseHypothesis:
     x_m, y_m, bottom_m = map(float, data["place_m"])
     length, width, height = map(float, data["size_m"])
     parameters = tuple(sorted(data["parameters"].items()))
-    return PoseHypothesis(entry, x_m, y_m, float(data["yaw_rad"]), bottom_m, (length, width, height), parameters)
+    size_m, fixed = (length, width, height), bool(data.get("fixed", False))
+    return PoseHypothesis(entry, x_m, y_m, float(data["yaw_rad"]), bottom_m, size_m, parameters, fixed)
 
 
 class MeshRaycaster:

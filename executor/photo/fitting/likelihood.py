@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TypeAlias
 
@@ -15,12 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.families.generic import GENERIC
+from executor.assets.footprint import region_frame
+from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Size, is_round, largest_m, raycaster_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.usual import usual_height_m, usual_thickness_m
 from executor.scenes.models import ABSURD
 from oag.model.symbols import Kind, kind_of
 
@@ -45,6 +48,10 @@ OF_RANGE = 0.29
 _ASKEW = math.sin(2 * math.radians(8.0))
 _LENGTH_SPREAD, _HEIGHT_SPREAD = 0.5, 0.8
 """Standard deviations of the logarithms of a thing's length and height by its width, where its name tells nothing."""
+
+_THICK_SPREAD = 0.15  # The same of a thickness or a height that the name tells.
+_CARRIED_SIGMA_M, _CARRIED_MOST = 0.08, 6.0
+"""How far beside a top things on it may seem to end, without depth; the most that one costs, which may be elsewhere."""
 
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
@@ -136,7 +143,13 @@ def usual_size_cost(guess: PoseHypothesis) -> float:
     """Return the cost of a hypothesis against the usual size of its model, which gives sizes without depth."""
     entry, (length, width, height) = guess.entry, guess.size_m
     if entry.model in GENERIC:
-        off = math.log(length / width) / _LENGTH_SPREAD, math.log(height / width) / _HEIGHT_SPREAD
+        usual_m = usual_thickness_m(entry.category)
+        along = math.log(length / width) / _LENGTH_SPREAD
+        if usual_m is not None:
+            along = math.log(length / usual_m) / _THICK_SPREAD
+        high_m = usual_height_m(entry.category)
+        up = math.log(height / width) / _HEIGHT_SPREAD if high_m is None else math.log(height / high_m) / _THICK_SPREAD
+        off = along, up
         return 0.5 * (off[0] ** 2 + off[1] ** 2)
     cost = 0.0
     for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
@@ -144,6 +157,44 @@ def usual_size_cost(guess: PoseHypothesis) -> float:
         sigma = max((span.high - span.low) * unit * OF_RANGE, _BEYOND_M)
         cost += 0.5 * ((value - (span.low + span.high) / 2 * unit) / sigma) ** 2
     return cost
+
+
+def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
+    """Return the cost of a piece of furniture whose top is not below the things that seem to stand on it.
+
+    Args:
+        guess: The piece.
+        eye_m: (3,) the camera.
+        above: (N, 3) rays to where the boxes of those things end.
+    """
+    top = _top_of(guess.entry) if len(above) else None
+    if top is None:
+        return 0.0
+    height, *shares = top
+    middle, half = np.array(shares[:2]) * guess.size_m[:2], np.array(shares[2:]) * guess.size_m[:2]
+    down_m = float(eye_m[2]) - guess.bottom_m - height * guess.size_m[2]
+    with np.errstate(divide="ignore"):
+        t = np.where(above[:, 2] < 0.0, down_m / -above[:, 2], np.inf)
+    if down_m <= 0.0 or not np.isfinite(t).any():
+        return _CARRIED_MOST * len(above)
+    at = eye_m[:2] + above[:, :2] * np.minimum(t, _FARTHEST_M)[:, None] - [guess.x_m, guess.y_m]
+    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
+    beside = np.maximum(np.abs(at @ np.array([[c, -s], [s, c]]) - middle) - half, 0.0) / _CARRIED_SIGMA_M
+    return float(np.minimum(0.5 * (beside * beside).sum(axis=1), _CARRIED_MOST).sum())
+
+
+@cache
+def _top_of(entry: ModelEntry) -> tuple[float, float, float, float, float] | None:
+    """Return the highest top of a model in shares of its size: height, middle and half sides; None without one."""
+    size_m = usual_size_m(entry)
+    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
+    frames = [region_frame(thing, region) for region in asset_for(thing).regions if region.kind == "surface"]
+    if not frames:
+        return None
+    T, half = max(frames, key=lambda frame: float(frame[0][2, 3]))
+    (x, y, z), (half_x, half_y) = T[:3, 3], half
+    length, width, height = size_m
+    return float(z) / height, float(x) / length, float(y) / width, float(half_x) / length, float(half_y) / width
 
 
 def _is_over(piece: PoseHypothesis, x_m: float, y_m: float) -> bool:
@@ -260,11 +311,13 @@ class Likelihood:
         evidence: Its pixels at one resolution.
         near: The walls and the other furniture.
         scale_share: Relative uncertainty of the picture's scale, without depth.
+        above: (N, 3) rays to where boxes of things end that may stand on it.
     """
 
     evidence: PixelEvidence
     near: Neighbourhood
     scale_share: float = 0.0
+    above: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost by box and prior; infinite for an impossible hypothesis."""
@@ -274,6 +327,7 @@ class Likelihood:
         cost += self.evidence.box_cost(guess)
         if self.evidence.has_depth:
             return cost
+        cost += carried_cost(guess, self.evidence.observation.eye_m, self.above)
         # Near the horizon, a little of the picture is many metres.
         return cost + usual_size_cost(guess) if math.hypot(guess.x_m, guess.y_m) < _FARTHEST_M else math.inf
 
@@ -368,6 +422,7 @@ class SearchContext:
         near: The walls and the other furniture.
         scale_share: Relative uncertainty of the picture's scale, without depth.
         own: (H, W) the object's own pixels, if they are known.
+        above: (N, 3) rays to where boxes of things end that may stand on it.
     """
 
     observation: Observation
@@ -377,6 +432,7 @@ class SearchContext:
     near: Neighbourhood
     scale_share: float = 0.0
     own: NDArray[np.bool_] | None = None
+    above: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def spreads_m(likelihood: Likelihood, guess: PoseHypothesis) -> tuple[float, float]:

@@ -42,6 +42,7 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection, plain_name
+from executor.photo.inputs.usual import is_hollow, is_inset, usual_height_m, usual_thickness_m
 from oag.model.symbols import Kind, is_known, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
@@ -62,6 +63,7 @@ _IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scal
 _SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box gives the size.
 _LOW = 0.6  # Share of the usual height of a low model.
 _LOWEST, _FLATTEST_M = 0.15, 0.01  # Share of its width, and height, of a thing of which hardly a side is seen.
+_LYING = (0.3, 0.7, 1.4)  # Lengths of what lies flat, as shares of its width.
 _ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
 
@@ -74,10 +76,13 @@ def named_models(detection: Detection) -> list[ModelEntry]:
 def generic_models(detection: Detection) -> list[ModelEntry]:
     """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is.
 
-    What is furniture by its name is no open box: it has a top, which may only look hollow.
+    What is furniture by its name is no open box: it has a top, which may only look hollow. What is hollow by its name,
+    such as a sink, is nothing else.
     """
     category = plain_name(detection.label) or THING
     entries = [replace(entry, category=category) for entry in GENERIC.values()]
+    if is_hollow(detection.label):
+        return [entry for entry in entries if entry.model == "generic_open_box"]
     is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM
     return [entry for entry in entries if not (is_furniture and entry.model == "generic_open_box")]
 
@@ -85,7 +90,7 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
 def stands_on_floor(detection: Detection) -> bool:
     """Return whether a detection's category stands on the floor."""
     large = all(is_large(entry) for entry in named_models(detection))
-    return large and detection.category not in CARRIED
+    return large and detection.category not in CARRIED and not is_inset(detection.label)
 
 
 def points_of(
@@ -258,6 +263,14 @@ def _sizes_m(
         depth_m = reach_m / max(float(np.linalg.norm(middle[:2])), 1e-6)
         wide_m = (x1 - x0) / observation.K.fx * depth_m
         high_m = float(observation.eye_m[2] + depth_m * middle[2]) - bottom_m
+        thick_m = usual_thickness_m(entry.category)
+        if thick_m is not None:
+            yield min(thick_m, wide_m), wide_m, max(high_m, _LOWEST * wide_m)
+            return
+        low_m = usual_height_m(entry.category)
+        if low_m is not None:
+            yield from ((share * wide_m, wide_m, low_m) for share in _LYING)
+            return
         yield wide_m, wide_m, max(high_m, _LOWEST * wide_m)
         yield wide_m / 2, wide_m, max(high_m / 2, _FLATTEST_M)
         return

@@ -28,7 +28,7 @@ from executor.assets.parameters import ModelEntry
 from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.consistency import box_doubts
 from executor.photo.inputs.picture import Photograph
-from executor.scenes.models import FLAT, NoMatchingModel, category_of, written_category
+from executor.scenes.models import NoMatchingModel, category_of, written_category
 from llm.offline.lexicon import built_in
 from oag.model.symbols import kind_of
 
@@ -57,7 +57,7 @@ class Detection:
         source: Detector or annotator, for people.
         mask: (H, W) its own pixels, if they are known; the box is then around them.
         doors, drawers: Given numbers; None if unknown.
-        on: Index of the given support among the detections; FLOOR, or None if unknown.
+        on: Index of the given support among the detections; FLOOR or WALL, or None if unknown.
         provenance: Origin of box and label.
         size_m: Given length, width and height; None where they are fitted.
     """
@@ -132,8 +132,11 @@ class Detection:
         }
 
 
-FLOOR = -1
+FLOOR, WALL = -1, -2
 """In place of the index of a support."""
+
+OWN_SUPPORTS = {"floor": FLOOR, "wall": WALL}
+"""What the room itself carries, by the names in files."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,7 @@ Detector: TypeAlias = Callable[[Photograph], Detections]
 _Found = tuple[str, tuple[float, float, float, float], float]
 _Size = tuple[float, float]
 _SAME_SHAPE = 0.02
-_ROOM = ("floor", "wall", "ceiling")  # Not things: the room itself.
+_ROOM = ("floor", "wall", "ceiling", "rug", "carpet")  # Not things: the room itself, and what lies flat on its floor.
 _UNNAMED = ("", "thing", "object", "unknown", "?")
 
 
@@ -217,8 +220,8 @@ def category_named(label: str) -> str | None:
 
 
 def is_left_out(label: str) -> bool:
-    """Return whether a label is of the room itself, or of what hangs flat on it, and so of no thing."""
-    return label.lower() in FLAT or label.lower() in _ROOM
+    """Return whether a label is of the room itself, and so of no thing."""
+    return label.lower() in _ROOM
 
 
 def plain_name(label: str) -> str | None:

@@ -18,17 +18,25 @@ from executor.photo.fitting.starts import LEAST_POINTS, foot_of, named_models, p
 from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
-from executor.photo.inputs.annotations import FLOOR, Detection
+from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
+from executor.photo.inputs.usual import carries, hung_depth_m
 from llm.vision import overlap
-from oag.model.symbols import Kind, kind_of
+from oag.model.symbols import Kind, carries_things, is_known, kind_of
 
 SAME_M = 0.02
 """Between the height of a top and of an object on it, after the top has moved since."""
 
+NEAR_TOP_M = 0.13
+"""Between an object's visible bottom and its possible support."""
+
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
-_HEIGHT_M = 0.13  # Between an object's visible bottom and its possible support.
 _MOST = 3
-_MISJUDGED_M, _MOST_HALF_M = 0.5, 0.15
+_MISJUDGED_M, _MISJUDGED_SHARE = 0.5, 0.5
+"""A top may end so far before the things on it, without depth; in the picture, of the shorter side of a thing's box."""
+
+_MOST_HALF_M = 0.15
+_UPPER = 0.5  # Of a piece of furniture's box: what ends there is on it.
+_BEYOND_BOX = 0.05  # Of the sides of a support's box: a thing on it ends within so much more than it.
 _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
 _FLAT = 0.35  # Share of its narrower side: what is lower is hardly in front of what stands on it.
@@ -63,7 +71,13 @@ class Top:
 
 def is_item(guess: PoseHypothesis) -> bool:
     """Return whether a hypothesis is of an item, and not of furniture."""
-    return kind_of(guess.entry.category, min(guess.size_m[:2])) is Kind.ITEM
+    return not guess.fixed and kind_of(guess.entry.category, min(guess.size_m[:2])) is Kind.ITEM
+
+
+def is_furniture(detection: Detection) -> bool:
+    """Return whether a detection is furniture by its name, whatever its size is."""
+    names = (detection.category or "", plain_name(detection.label) or "")
+    return any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names)
 
 
 def tops_of(guesses: Iterable[PoseHypothesis]) -> Iterator[Top]:
@@ -89,7 +103,7 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     """
     low = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
-    under = [top for top in tops if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at)]
+    under = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M and top.is_near(at)]
     heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
     # What is over an item is in it or on it, and not below.
     least_m = max((top.height_m for top in under if is_item(top.of) and top.distance_m(at) == 0.0), default=0.0)
@@ -103,7 +117,8 @@ def heights_behind(
 ) -> list[float]:
     """Return heights of tops, boards and floor that are visible where a box ends, the nearest to the camera first.
 
-    A top that is there hides everything below it.
+    A top that is there hides everything below it. One that is nearly as high as the camera is seen as a strip, so that
+    little of the picture is many metres there: what ends beside it counts by pixels too.
 
     Args:
         observation: The picture.
@@ -113,7 +128,7 @@ def heights_behind(
     """
     if detection.on == FLOOR:
         return [0.0]
-    found = []
+    found, aside_px = [], {}
     for top in tops:
         foot = foot_of(observation, detection.box_px, top.height_m)
         if foot is not None and (given_support is None or top.of is given_support):
@@ -122,6 +137,7 @@ def heights_behind(
             # Of a thing as deep as wide: its middle stands on the top.
             middle = foot * (1.0 + min(wide_m / 2, _MOST_HALF_M) / max(far_m, 1e-6))
             found.append((top.distance_m(middle), far_m, round(top.height_m, 4)))
+            aside_px[round(top.height_m, 4)] = off_top_px(observation, detection.box_px, top)
     if over := [(far_m, height_m) for distance_m, far_m, height_m in found if distance_m == 0.0]:
         return [min(over)[1]]
     # A misjudged one may end before the objects on it.
@@ -130,7 +146,25 @@ def heights_behind(
     beside = [
         height_m for distance_m, _, height_m in near[:1] if distance_m < _MISJUDGED_M or given_support is not None
     ]
-    return on[:_MOST] or beside or [0.0]
+    seen = [height_m for height_m, off_px in aside_px.items() if off_px < _MISJUDGED_SHARE * _side_px(detection.box_px)]
+    return on[:_MOST] or beside or sorted(seen, key=lambda height_m: aside_px[height_m])[:1] or [0.0]
+
+
+def off_top_px(observation: Observation, box_px: tuple[float, float, float, float], top: Top) -> float:
+    """Return how far in the picture the middle of a box's lower edge is from a top, infinite behind the camera."""
+    foot = foot_of(observation, box_px, top.height_m)
+    low = np.array([(box_px[0] + box_px[2]) / 2, box_px[3]])
+    steps = np.linspace(-1.0, 1.0, 9)
+    local = np.array([[x, y] for x in steps for y in steps]) * top.half_m
+    points = np.column_stack([local @ top.T[:2, :2].T + top.T[:2, 3], np.full(len(local), top.height_m)])
+    if foot is not None and top.distance_m(foot) == 0.0:
+        return 0.0
+    off = np.linalg.norm(observation.pixels(points) - low, axis=1)
+    return float(np.nanmin(off)) if np.isfinite(off).any() else np.inf
+
+
+def _side_px(box_px: tuple[float, float, float, float]) -> float:
+    return min(box_px[2] - box_px[0], box_px[3] - box_px[1])
 
 
 RenderedDepth = tuple[Array, NDArray[np.int32]]
@@ -271,8 +305,34 @@ class RoomEstimate:
         foreign = self._in_boxes(smaller)
         observation = self._by_box if by_box else self.observation
         return SearchContext(
-            observation, *self._layers.together(), foreign, self._near(), self.scale_share, None if by_box else own.mask
+            observation,
+            *self._layers.together(),
+            foreign,
+            self._near(),
+            self.scale_share,
+            None if by_box else own.mask,
+            self._above(index),
         )
+
+    def _above(self, index: int) -> Array:
+        """Return (N, 3) rays to where boxes end, without depth, of things that may stand on a piece of furniture.
+
+        They end in its box, and are neither furniture nor usually on walls; nothing is usually put on a chair.
+        """
+        own = self.detections[index]
+        category = own.category or plain_name(own.label) or ""
+        rays: list[Array] = []
+        is_support = self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0))
+        if is_support and not self.observation.has_depth:
+            width, height = self.observation.size_px
+            left, top, right, bottom = own.box_px
+            for other, thing in enumerate(self.detections):
+                (x0, _, x1, y1), is_given = thing.box_px, thing.on is not None and thing.on != index
+                ends_in_it = left < (x0 + x1) / 2 < right and top < y1 < bottom
+                small = thing.area_px < own.area_px and not self.is_on_floor(other)
+                if ends_in_it and small and not is_given and hung_depth_m(thing.label) is None:
+                    rays.append(self.observation.rays[min(int(y1), height - 1), min(int((x0 + x1) / 2), width - 1)])
+        return np.array(rays).reshape(-1, 3)
 
     def points(self, detection: Detection, around: SearchContext) -> Array:
         """Return (N, 3) that are most likely an object's own; none without depth."""
@@ -299,11 +359,46 @@ class RoomEstimate:
             # Where a person or a model says what it stands on, only its tops count.
             low_m = float(np.percentile(points[:, 2], 5.0))
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
-            return [min(given, key=lambda one: abs(one - low_m))] if given else heights_under(points, tops)
-        support = self._beneath(detection) if support is None else support
-        return heights_behind(self.observation, detection, tops, None if support is None else support.guess)
+            if given:
+                return [min(given, key=lambda one: abs(one - low_m))]
+            found = heights_under(points, tops)
+            is_known = found[0] == 0.0 or any(round(top.height_m, 4) == found[0] for top in tops)
+            # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
+            middle = np.median(points, axis=0)
+            over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
+            below = [round(top.height_m, 4) for top in over if low_m < top.height_m < middle[2]]
+            return found if is_known or not below else [max(below)]
+        support = self.flat_beneath(detection) if support is None else support
+        if support is not None:
+            return heights_behind(self.observation, detection, tops, support.guess)
+        found = heights_behind(self.observation, detection, self.tops_seen_below(detection), None)
+        # The floor before a piece of furniture is in the lower half of its box.
+        upper = self.tops_seen_below(detection, _UPPER) if found == [0.0] else []
+        nearest = min(upper, key=lambda top: off_top_px(self.observation, detection.box_px, top), default=None)
+        return found if nearest is None else [round(nearest.height_m, 4)]
 
-    def _beneath(self, detection: Detection) -> Fit | None:
+    def tops_seen_below(self, detection: Detection, share: float = 1.0) -> list[Top]:
+        """Return the tops that a thing may stand on by its box: where it ends is in the box of what has the top.
+
+        Of others than furniture only those carry something on which things usually stand: what is before a thing is not
+        below it.
+
+        Args:
+            detection: The thing.
+            share: Of a support's box, from its upper edge on, that counts.
+        """
+        x0, _, x1, y1 = detection.box_px
+        seen = []
+        for index, fit in self.fits.items():
+            left, top, right, bottom = self.detections[index].box_px
+            over_x, over_y = _BEYOND_BOX * (right - left), _BEYOND_BOX * (bottom - top)
+            ends_in_it = left - over_x < (x0 + x1) / 2 < right + over_x and top - over_y < y1
+            ends_in_it &= y1 < top + share * (bottom - top) + over_y
+            if ends_in_it and (is_furniture(self.detections[index]) or carries(self.detections[index].label)):
+                seen.append(fit.guess)
+        return list(tops_of(seen))
+
+    def flat_beneath(self, detection: Detection) -> Fit | None:
         """Return the fit of the flat thing, such as a plate, in whose box another one ends; the smallest of several."""
         x0, _, x1, y1 = detection.box_px
         flat = {}

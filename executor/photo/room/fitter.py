@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from executor.assets.families.generic import THING
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
@@ -25,7 +27,9 @@ from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import feet_of, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.room.estimate import RoomEstimate
+from executor.photo.inputs.usual import is_hollow
+from executor.photo.room.estimate import SAME_M, RoomEstimate, is_item, tops_of
+from executor.photo.room.hanging import hung
 from oag.model.symbols import has_boards, is_known
 
 LEAST_IN_BOX = 0.5
@@ -33,6 +37,9 @@ LEAST_IN_BOX = 0.5
 
 _FLAT = 0.25  # Of its narrower side: what is lower is a magazine or a plate, and no open box.
 _HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
+_SHARES = tuple(sorted((1.05**step for step in range(-20, 21)), key=lambda share: abs(math.log(share))))
+"""Of a distance, tried where a thing is beside its top: the least change first."""
+
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -59,12 +66,14 @@ class RoomFitter:
         detection, hidden_by = room.detections[index], tuple(hidden_by)
         before = room.remove_fit(index)
         around = room.around(index, hidden_by)
+        if (on_wall := hung(room, index, around)) is not None:
+            return room.add_fit(index, _of_size(on_wall, detection))
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
             return room.add_fit(index, _of_size(update_fit(around, detection.box_px, before), detection))
         best: Fit | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
-            found = _of_size(one, detection)
+            found = self._over_its_top(detection, _of_size(one, detection))
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
@@ -83,7 +92,8 @@ class RoomFitter:
             bottoms_m: As for `fit`.
         """
         room = self.room
-        found = next(self._fits(index, bottoms_m, (), rough=True), None) or self._hung(index, room.around(index))
+        found = hung(room, index, room.around(index)) or next(self._fits(index, bottoms_m, (), rough=True), None)
+        found = found or self._hung(index, room.around(index))
         if found is None:
             return
         room.add_fit(index, _of_size(found, room.detections[index]))
@@ -127,6 +137,27 @@ class RoomFitter:
             if found is not None:
                 yield found
 
+    def _over_its_top(self, detection: Detection, found: Fit) -> Fit:
+        """Return a fit without depth, moved along the view and scaled with that until it is over the top that it is on.
+
+        Where a top is nearly as high as the camera, or its support is small, a little of the picture is far beside it.
+        """
+        room, guess = self.room, found.guess
+        if room.observation.has_depth or guess.bottom_m == 0.0 or not is_item(guess):
+            return found
+        flat = room.flat_beneath(detection)
+        tops = room.tops_seen_below(detection) if flat is None else list(tops_of([flat.guess]))
+        same = [top for top in tops if abs(top.height_m - guess.bottom_m) < SAME_M]
+        at = np.array([guess.x_m, guess.y_m])
+        if not same or any(top.distance_m(at) == 0.0 for top in same):
+            return found
+        share = min(_SHARES, key=lambda share: min(top.distance_m(share * at) for top in same))
+        size_m = tuple(share * side for side in guess.size_m)
+        moved = replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=(size_m[0], size_m[1], size_m[2]))
+        if detection.size_m is not None or raycaster_of(moved) is None:
+            moved = replace(moved, size_m=guess.size_m)
+        return replace(found, guess=moved)
+
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
         """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.
 
@@ -166,7 +197,8 @@ def _of_size(found: Fit, detection: Detection) -> Fit:
     """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow."""
     if detection.size_m is None:
         *sides, height = found.guess.size_m
-        if found.guess.entry.model == "generic_open_box" and height < _FLAT * min(sides):
+        is_flat = height < _FLAT * min(sides) and not is_hollow(detection.label)
+        if found.guess.entry.model == "generic_open_box" and is_flat:
             return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
     guess = replace(found.guess, size_m=detection.size_m)

@@ -19,7 +19,7 @@ from executor.photo.drawing import side_by_side
 from executor.photo.errors import LostCause, PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.geometry.observation import FloorPlane, Observation
-from executor.photo.inputs.annotations import FLOOR, Detection
+from executor.photo.inputs.annotations import FLOOR, OWN_SUPPORTS, Detection
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.output import write_result
 from executor.photo.pipeline import PhotoInput, PhotoResult, reconstruct_scene
@@ -81,6 +81,7 @@ def test_everything_stays_where_nothing_is_corrected(folder: Path) -> None:
         ({"cup_2": {"label": "beaker"}}, [0, 1]),
         ({"bowl_1": {"size_m": [0.2, 0.2, 0.07]}}, [0, 2]),
         ({"cup_2": {"on": "floor"}}, [0, 1]),
+        ({"cup_2": {"on": "wall"}}, [0, 1]),
         ({"table_0": {"size_m": [1.2, 0.6, 0.75]}}, []),
     ],
 )
@@ -94,12 +95,12 @@ def test_what_is_corrected_and_what_stands_on_it_is_fitted_again(
     one = earlier.detections[int(key[-1])]
     assert one.label == values.get("label", one.label)
     assert one.size_m == (tuple(values["size_m"]) if "size_m" in values else None)
-    assert one.on == (FLOOR if "on" in values else None)
+    assert one.on == OWN_SUPPORTS.get(values.get("on", ""))
 
 
 def test_a_correction_that_means_nothing_is_refused(folder: Path) -> None:
     corrected(folder, cup_2={"on": "tabel_0"})
-    with pytest.raises(PhotoRefused, match="'tabel_0', which is no id; expected floor, table_0"):
+    with pytest.raises(PhotoRefused, match="'tabel_0', which is no id; expected floor, wall, table_0"):
         read_earlier(folder)
     corrected(folder, cup_2={"on": "table_0", "size_m": [0.1, 0.1, -1.0]})
     with pytest.raises(PhotoRefused, match="expected three lengths in metres"):

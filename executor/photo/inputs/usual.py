@@ -1,0 +1,55 @@
+"""What is usual of things by their names, from `usual.toml`; it decides where the picture leaves it open."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from typing import Any
+
+from executor.photo.inputs.annotations import plain_name
+
+_USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
+_CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
+_WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word.
+
+
+def hung_depth_m(label: str) -> float | None:
+    """Return how far a thing of a name usually stands out from its wall [m]; None where it does not usually hang."""
+    words = _words(label)
+    named: float | None = next((_USUAL["hangs"][one] for one in _endings(label) if one in _USUAL["hangs"]), None)
+    return _WALL_DEEP_M if named is None and _WALL in words[:-1] else named
+
+
+def carries(label: str) -> bool:
+    """Return whether things usually stand on an item of a name: on a tray, not on a keyboard."""
+    return any(one in _CARRIERS for one in _endings(label))
+
+
+def is_hollow(label: str) -> bool:
+    """Return whether a thing of a name is open at the top."""
+    return any(one in _HOLLOWS for one in _endings(label))
+
+
+def is_inset(label: str) -> bool:
+    """Return whether a thing of a name is let into a top, as a sink is."""
+    return any(one in _INSET for one in _endings(label))
+
+
+def usual_thickness_m(label: str) -> float | None:
+    """Return how thick a thing of a name usually is from front to back [m]; None where its name does not tell."""
+    return next((_USUAL["thick"][one] for one in _endings(label) if one in _USUAL["thick"]), None)
+
+
+def usual_height_m(label: str) -> float | None:
+    """Return how high a thing of a name usually is where it lies [m]; None where its name does not tell."""
+    return next((_USUAL["high"][one] for one in _endings(label) if one in _USUAL["high"]), None)
+
+
+def _words(label: str) -> list[str]:
+    return (plain_name(label) or "").split("_")
+
+
+def _endings(label: str) -> list[str]:
+    """Return the last two words of a name as one, and the last one, also without its plural's s."""
+    words = _words(label)
+    return ["_".join(words[-2:]), words[-1], words[-1].removesuffix("s")]

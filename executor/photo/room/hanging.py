@@ -1,0 +1,262 @@
+"""Things that hang on walls: told by what is around their boxes, or by their names, and put on the plane behind them.
+
+With depth, what hangs is near an upright plane that goes on around its box, and below it is that plane or something
+farther. Without, what hangs is on no top, and ends beyond everything that stands on the floor. Names that are usual on
+walls (`usual.toml`) decide where neither is sure, but for what is on a top.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import Array
+from executor.photo.fitting.fit import fit_on_wall
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.fitting.likelihood import Fit, SearchContext
+from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models
+from executor.photo.geometry.observation import Observation
+from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.annotations import WALL, Detection
+from executor.photo.inputs.usual import hung_depth_m
+from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
+
+Box = tuple[float, float, float, float]
+
+_RING_SHARE, _RING_PX = 0.3, 8.0  # Of a box's sides: how far around it a wall is looked for.
+_LEAST_RING, _SHARE, _DRAWS, _DRAWN = 40, 0.5, 120, 600
+_WITHIN_M, _SIGMAS = 0.05, 3.0
+_LEAST_SPREAD_M = 0.05  # Between two points that give a plane its direction.
+_AS_WALLS = math.cos(math.radians(15.0))  # A plane so parallel or square to a wall of the room is taken to be.
+_LEAST_FACING = 0.3  # Cosine between the view and the normal of a plane that is told by a few points.
+_NEAR_M = 0.35  # Of a thing's middle from the wall that it hangs on.
+_STANDS_M = 0.15  # What ends lower stands on the floor.
+_ON_TOP_M = 0.06  # Between a thing's end and the top that it is on.
+_INNER = 0.1  # Share of a box's sides at its border that may show something else.
+_STRIP_SHARE, _FREE = 0.25, 0.6  # Of a box's height, looked at below it; share of it that carries nothing.
+_OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
+_USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
+_DEEP_SHARE, _DEEP_M = 0.5, 0.08  # Of its sides, and most, of what nothing says how far it stands out.
+_BEYOND_M = 1.0  # Behind all furniture, what seems to be on the floor is on the wall.
+_AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
+
+
+def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
+    """Return the fit of a thing on a wall; None for what stands on something, and for furniture by its name.
+
+    Args:
+        room: The estimate, which lacks the thing.
+        index: Which detection.
+        around: The context of its search.
+    """
+    detection = room.detections[index]
+    usual_m = hung_depth_m(detection.label)
+    if detection.on not in (None, WALL) or (usual_m is None and is_furniture(detection)):
+        return None
+    if detection.on == WALL:
+        usual_m = _DEEP_M if usual_m is None else usual_m
+    if room.observation.has_depth:
+        return _by_depth(room, index, around, usual_m)
+    return _by_box(room, index, around, usual_m)
+
+
+def wall_behind(view: Observation, box_px: Box, walls: Sequence[Wall]) -> Wall | None:
+    """Return the upright plane that goes on around a box: a wall of the room, else one of the points there.
+
+    Args:
+        view: The picture, with depth.
+        box_px: The box.
+        walls: The walls of the room.
+    """
+    x0, y0, x1, y1 = box_px
+    over_x, over_y = (_RING_SHARE * side + _RING_PX for side in (x1 - x0, y1 - y0))
+    ring = _within(view, (x0 - over_x, y0 - over_y, x1 + over_x, y1 + over_y)) & ~_within(view, box_px) & view.measured
+    points, within_m = view.points_m[ring], _WITHIN_M + _SIGMAS * view.depth_distortion_m[ring]
+    upper = points[:, 2] > _STANDS_M
+    points, within_m = points[upper], within_m[upper]
+    if len(points) < _LEAST_RING:
+        return None
+    shares = [float((np.abs(_out_m(points, wall)) < within_m).mean()) for wall in walls]
+    if shares and max(shares) >= _SHARE:
+        return walls[int(np.argmax(shares))]
+    return _plane(points, within_m, walls)
+
+
+def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
+    view, detection = room.observation, room.detections[index]
+    x0, y0, x1, y1 = detection.box_px
+    over_x, over_y = _INNER * (x1 - x0), _INNER * (y1 - y0)
+    inner = _within(view, (x0 + over_x, y0 + over_y, x1 - over_x, y1 - over_y))
+    own = (inner if detection.mask is None else detection.mask) & view.measured
+    if int(own.sum()) < LEAST_POINTS:
+        return None if usual_m is None else _by_box(room, index, around, usual_m)
+    points = view.points_m[own]
+    low_m = float(np.percentile(points[:, 2], 5.0))
+    at = np.median(points[:, :2], axis=0)
+    tops = list(tops_of(fit.guess for fit in room.fits.values()))
+    if usual_m is None:
+        on_top = any(abs(top.height_m - low_m) < NEAR_TOP_M and top.is_near(at) for top in tops)
+    else:
+        on_top = any(abs(top.height_m - low_m) < _ON_TOP_M and top.distance_m(at) == 0.0 for top in tops)
+    wall = wall_behind(view, detection.box_px, room.walls)
+    if detection.on == WALL and wall is None:
+        return _by_box(room, index, around, usual_m)
+    if ((low_m < _STANDS_M or on_top) and detection.on != WALL) or wall is None:
+        return None
+    out_m, slack_m = _out_m(points, wall), _SIGMAS * float(np.median(view.depth_distortion_m[own]))
+    # Glass and screens mirror: what seems to be behind its wall is on it.
+    mirrors = float(np.median(out_m)) < -_WITHIN_M - slack_m
+    below = _below(view, detection.box_px, wall, points)
+    if float(np.median(out_m)) > _NEAR_M or (mirrors and below != "wall") or (usual_m is None and below == "support"):
+        return None
+    deep_m = _DEEP_M if mirrors else float(np.percentile(out_m, _OUT_PERCENTILE))
+    if usual_m is not None:
+        deep_m = min(max(deep_m, usual_m / _USUAL_TIMES), usual_m * _USUAL_TIMES)
+    return fit_on_wall(
+        around,
+        detection.box_px,
+        generic_models(detection)[0],
+        wall,
+        min(max(deep_m, _LEAST_DEEP_M), _MOST_DEEP_M),
+        "it hangs on the wall behind it",
+    )
+
+
+def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal["wall", "farther", "support"]:
+    """Return what is below a box: its wall, something farther, or else what may carry the thing.
+
+    Args:
+        view: The picture.
+        box_px: The box.
+        wall: The plane behind it.
+        own_m: (N, 3) the thing's points.
+    """
+    x0, y0, x1, y1 = box_px
+    over_x, deep_px = _INNER * (x1 - x0), _STRIP_SHARE * (y1 - y0) + _RING_PX
+    strip = _within(view, (x0 + over_x, y1 + 1.0, x1 - over_x, y1 + deep_px)) & view.measured
+    if int(strip.sum()) < LEAST_POINTS:
+        return "support"
+    points, slack_m = view.points_m[strip], _WITHIN_M + _SIGMAS * view.depth_distortion_m[strip]
+    lower = own_m[own_m[:, 2] <= np.percentile(own_m[:, 2], 30.0)]
+    reach_m = float(np.median(np.linalg.norm(lower[:, :2], axis=1)))
+    out_m, rows = _out_m(points, wall), np.nonzero(strip)[0].astype(float)
+    if float((np.linalg.norm(points[:, :2], axis=1) > reach_m + slack_m).mean()) > _FREE:
+        return "farther"
+    # Down the picture, a wall goes down, and a top comes nearer.
+    down_m, nearer_m = (abs(float(np.cov(rows, values)[0, 1])) for values in (points[:, 2], out_m))
+    return "wall" if down_m > nearer_m and float((np.abs(out_m) < slack_m).mean()) > _FREE else "support"
+
+
+def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
+    view, detection = room.observation, room.detections[index]
+    box_px = detection.box_px
+    tops = room.tops_seen_below(detection)
+    # What ends in the box of something that has a top is on that rather than on a wall behind it.
+    if tops and detection.on != WALL and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
+        return None
+    ray = view.rays[
+        min(int((box_px[1] + box_px[3]) / 2), view.size_px[1] - 1),
+        min(int((box_px[0] + box_px[2]) / 2), view.size_px[0] - 1),
+    ]
+    toward = ray[:2] / max(float(np.linalg.norm(ray[:2])), 1e-6)
+    standing = {
+        key: fit.guess for key, fit in room.fits.items() if not is_item(fit.guess) and fit.guess.bottom_m == 0.0
+    }
+    foot = foot_of(view, box_px, 0.0)
+    if usual_m is None:
+        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=math.inf)
+        if foot is not None and float(foot @ toward) < ends_m + _BEYOND_M:
+            return None
+        if foot is None and not standing:
+            return None
+    far_m = _wall_m(room.detections, standing, box_px, toward)
+    yaw_rad = min(
+        (heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)),
+        key=lambda turn: abs(math.remainder(turn - math.atan2(toward[1], toward[0]), 2 * math.pi)),
+        default=math.atan2(toward[1], toward[0]),
+    )
+    normal = -np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+    wall = Wall(normal, far_m * float(toward @ normal), (0.0, 0.0), 0.0, math.inf)
+    wide_m, high_m = (side / view.K.fx * far_m for side in (box_px[2] - box_px[0], box_px[3] - box_px[1]))
+    deep_m = min(_DEEP_SHARE * min(wide_m, high_m), _DEEP_M) if usual_m is None else usual_m
+    entry = generic_models(room.detections[index])[0]
+    assumption = "it hangs, and how far off shows nothing: behind what is below it in the picture"
+    return fit_on_wall(around, box_px, entry, wall, max(deep_m, _LEAST_DEEP_M), assumption)
+
+
+def _is_over(view: Observation, top: Top, box_px: Box) -> bool:
+    """Return whether a box ends over a top."""
+    foot = foot_of(view, box_px, top.height_m)
+    return foot is not None and top.distance_m(foot) == 0.0
+
+
+def _wall_m(
+    detections: Sequence[Detection], standing: Mapping[int, PoseHypothesis], box_px: Box, toward: Array
+) -> float:
+    """Return how far off a wall is: at the back of the furniture below a box in the picture, or next to that."""
+    aside = {
+        key: max(0.0, detections[key].box_px[0] - box_px[2], box_px[0] - detections[key].box_px[2])
+        for key in standing
+        if detections[key].box_px[3] > box_px[3]
+    }
+    nearest = min(aside.values(), default=0.0)
+    ends_m = [_end_m(standing[key], toward) for key, aside_px in aside.items() if aside_px == nearest]
+    return max(ends_m, default=_AT_NOTHING_M)
+
+
+def _end_m(guess: PoseHypothesis, toward: Array) -> float:
+    """Return how far along a direction (2,) a thing ends."""
+    return float((guess.corners_m()[:, :2] @ toward).max())
+
+
+def _plane(points: Array, within_m: Array, walls: Sequence[Wall]) -> Wall | None:
+    """Return the upright plane that most of some points (N, 3) are on; None where half of them are on none."""
+    rng = np.random.default_rng(0)
+    some = rng.choice(len(points), min(_DRAWN, len(points)), replace=False)
+    flat, slack = points[some, :2], within_m[some]
+    first, second = rng.integers(0, len(flat), (2, _DRAWS))
+    apart = flat[second] - flat[first]
+    length = np.linalg.norm(apart, axis=1)
+    apart, first, length = (one[length > _LEAST_SPREAD_M] for one in (apart, first, length))
+    if not len(apart):
+        return None
+    normals = np.stack([-apart[:, 1], apart[:, 0]], axis=1) / length[:, None]
+    offsets = (normals * flat[first]).sum(axis=1)
+    best = int((np.abs(flat @ normals.T - offsets) < 0.5 * slack[:, None]).sum(axis=0).argmax())
+    near = np.abs(flat @ normals[best] - offsets[best]) < slack
+    middle = flat[near].mean(axis=0)
+    normal = np.linalg.svd(flat[near] - middle, full_matrices=False)[2][1]
+    for other in (one for wall in walls for one in (wall.normal, wall.along)):
+        if abs(float(other @ normal)) > _AS_WALLS:
+            normal = other
+    offset_m = float(np.median(flat[near] @ normal))
+    if offset_m > 0.0:
+        normal, offset_m = -normal, -offset_m
+    middle_m = np.linalg.norm(middle)
+    if -offset_m < _LEAST_FACING * middle_m:
+        # A narrow strip of a level top is a line along the view, too.
+        return None
+    off_m = np.abs(points[:, :2] @ normal - offset_m)
+    found = off_m < within_m
+    if float(found.mean()) < _SHARE:
+        return None
+    wall = Wall(normal, offset_m, (0.0, 0.0), float(points[found, 2].max()), float(np.median(off_m[found])))
+    side = points[found, :2] @ wall.along
+    return Wall(normal, offset_m, (float(side.min()), float(side.max())), wall.top_m, wall.residual_m)
+
+
+def _out_m(points: Array, wall: Wall) -> Array:
+    """Return (N,) how far points (N, 3) stand out from a wall."""
+    return np.asarray(points[:, :2] @ wall.normal - wall.offset_m)
+
+
+def _within(view: Observation, box_px: Box) -> NDArray[np.bool_]:
+    """Return (H, W) the pixels of a box."""
+    x0, y0, x1, y1 = (max(0, round(value)) for value in box_px)
+    inside = np.zeros(view.z_m.shape, dtype=bool)
+    inside[y0:y1, x0:x1] = True
+    return inside

@@ -1,0 +1,165 @@
+"""What hangs on a wall is there, fixed, and under its name; what stands before a wall is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import llm
+from executor.assets.families.generic import GENERIC
+from executor.assets.library import LIBRARY
+from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
+from executor.photo.fitting.likelihood import carried_cost
+from executor.photo.fitting.starts import generic_models, stands_on_floor
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import FLOOR, Detection, is_left_out
+from executor.photo.inputs.annotations import WALL as WALL_ITSELF
+from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow
+from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
+from executor.photo.scene import scene_of
+from oag.model.symbols import Kind
+from tests.executor.photo.test_fit import TABLE, seen_from_above
+
+BOX = GENERIC["generic_box"]
+WALL = PoseHypothesis(BOX, 3.05, 0.0, 0.0, 0.0, (0.1, 4.0, 2.4))
+PANEL = PoseHypothesis(BOX, 2.96, 0.1, 0.0, 1.0, (0.08, 0.36, 0.26))
+BOARD = PoseHypothesis(BOX, 2.85, 0.1, 0.0, 0.97, (0.3, 0.6, 0.03))
+MUG = PoseHypothesis(BOX, 2.8, 0.1, 0.0, 1.0, (0.08, 0.09, 0.1))
+
+
+def named(label: str, box: Detection) -> Detection:
+    """Return a box under another name, which the library does not have."""
+    return replace(box, label=label, category=label.replace(" ", "_"))
+
+
+def flat(seen: Observation) -> Observation:
+    """Return a picture without its depth."""
+    return replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=0.0)
+
+
+@pytest.fixture(scope="module")
+def on_wall() -> FittedRoom:
+    """A panel on a wall, under a name that tells nothing."""
+    seen, (_, panel) = seen_from_above(WALL, PANEL)
+    return reconstruct(seen, [named("gadget", panel)], ())
+
+
+def test_a_thing_on_a_wall_is_at_its_place_and_size(on_wall: FittedRoom) -> None:
+    (thing,) = on_wall.things
+    guess = thing.fit.guess
+    assert guess.fixed and thing.id == "gadget_0"
+    assert (guess.x_m, guess.y_m, guess.bottom_m) == pytest.approx((2.96, 0.1, 1.0), abs=0.03)
+    assert guess.size_m == pytest.approx(PANEL.size_m, abs=0.04)
+    assert thing.fit.in_box > 0.9
+    assert hypothesis_of(guess.to_json()) == guess
+
+
+def test_it_neither_falls_nor_is_taken_nor_carries_anything(on_wall: FittedRoom) -> None:
+    _, made = scene_of(on_wall, "drawn")
+    assert made.refused == "" and made.scene is not None
+    panel = made.scene.objects["gadget_0"]
+    assert panel.kind is Kind.FIXED and made.settled_m["gadget_0"] == 0.0
+    assert not [fact for fact in made.scene.facts if "gadget_0" in str(fact)]
+    assert "gadget_0 hangs on a wall" in " ".join(made.notes)
+    with pytest.raises(llm.QueryError, match="lifts items only"):
+        llm.propose("pick up the gadget", made.scene, model=None)
+
+
+def test_what_stands_on_a_board_before_a_wall_does_not_hang() -> None:
+    seen, (_, _, mug) = seen_from_above(WALL, BOARD, MUG)
+    (thing,) = reconstruct(seen, [named("gadget", mug)], ()).things
+    assert not thing.fit.guess.fixed
+
+
+def test_what_stands_on_the_floor_at_a_wall_does_not_hang() -> None:
+    bin_ = replace(PANEL, bottom_m=0.0, size_m=(0.25, 0.36, 0.5), x_m=2.85)
+    seen, (_, box) = seen_from_above(WALL, bin_)
+    (thing,) = reconstruct(seen, [named("gadget", box)], ()).things
+    assert not thing.fit.guess.fixed
+
+
+@pytest.mark.parametrize("label", ["picture", "wall clock"])
+def test_without_depth_a_name_tells_what_hangs_and_the_back_of_furniture_how_far_off(label: str) -> None:
+    seen, (table, box) = seen_from_above(TABLE, replace(PANEL, bottom_m=0.75))
+    things = reconstruct(flat(seen), [table, named(label, box)], ()).things
+    assert things[1].fit.guess.fixed and things[1].fit.in_box > 0.8
+    assert things[1].fit.guess.x_m == pytest.approx(2.8, abs=0.3)
+
+
+@pytest.mark.parametrize(("bottom_m", "hangs"), [(1.1, True), (0.1, False)])
+def test_without_depth_what_ends_beyond_all_furniture_hangs_whatever_it_is_called(bottom_m: float, hangs: bool) -> None:
+    beside = replace(PANEL, y_m=-1.1, bottom_m=bottom_m)
+    seen, (table, box) = seen_from_above(TABLE, beside)
+    things = reconstruct(flat(seen), [table, named("gadget", box)], ()).things
+    assert things[1].fit.guess.fixed is hangs
+
+
+def test_a_picture_that_stands_on_a_table_does_not_hang() -> None:
+    standing = PoseHypothesis(BOX, 2.2, 0.1, 0.3, 0.7, (0.05, 0.2, 0.15))
+    seen, (table, box) = seen_from_above(TABLE, standing)
+    for view in (seen, flat(seen)):
+        things = reconstruct(view, [table, named("picture", box)], ()).things
+        assert not things[1].fit.guess.fixed
+        assert things[1].fit.guess.bottom_m == pytest.approx(0.7, abs=0.1)
+
+
+def test_a_rug_is_of_the_floor_and_a_picture_is_a_thing() -> None:
+    assert is_left_out("rug") and is_left_out("wall")
+    assert not is_left_out("picture") and not is_left_out("window")
+
+
+def test_names_tell_what_usually_hangs_carries_and_is_hollow() -> None:
+    assert hung_depth_m("fire extinguisher") == hung_depth_m("extinguishers") and hung_depth_m("alarm") is None
+    assert hung_depth_m("wall lamp") is not None and hung_depth_m("lamp") is None
+    assert hung_depth_m("wall") is None and hung_depth_m("42") is None
+    assert carries("tea tray") and not carries("keyboard")
+    assert is_hollow("trash can") and not is_hollow("soup can")
+
+
+@pytest.mark.parametrize(("label", "shapes"), [("trash can", 1), ("sink", 1), ("gadget", 4)])
+def test_what_is_hollow_by_its_name_is_an_open_box(label: str, shapes: int) -> None:
+    entries = generic_models(Detection(label, None, (0.0, 0.0, 9.0, 9.0), 1.0, "me"))
+    assert len(entries) == shapes and "generic_open_box" in {entry.model for entry in entries}
+
+
+def test_a_sink_is_in_a_top_and_not_on_the_floor() -> None:
+    assert not stands_on_floor(Detection("sink", "sink", (0.0, 0.0, 9.0, 9.0), 1.0, "me"))
+    assert stands_on_floor(Detection("desk", "desk", (0.0, 0.0, 9.0, 9.0), 1.0, "me"))
+
+
+def test_without_depth_a_mug_behind_a_keyboard_is_not_on_it() -> None:
+    keyboard = PoseHypothesis(replace(BOX, category="keyboard"), 2.0, 0.1, 0.3, 0.7, (0.15, 0.45, 0.03))
+    mug = PoseHypothesis(LIBRARY["cup"], 2.12, 0.1, 0.0, 0.7, (0.08, 0.08, 0.1))
+    seen, (table, board, cup) = seen_from_above(TABLE, keyboard, mug)
+    room = RoomEstimate(flat(seen), (), [table, board, cup], 0.02)
+    for index, fit in enumerate(reconstruct(flat(seen), [table, board], ()).things):
+        room.add_fit(index, fit.fit)
+    tops = room.tops_seen_below(cup)
+    assert [top.of.entry.category for top in tops] == ["table"]
+    tray = replace(board, label="tray", category="tray")
+    room = RoomEstimate(flat(seen), (), [table, tray, cup], 0.02)
+    for index, fit in enumerate(reconstruct(flat(seen), [table, board], ()).things):
+        room.add_fit(index, fit.fit)
+    assert len(room.tops_seen_below(cup)) == 2
+
+
+def test_a_top_that_ends_before_what_stands_on_it_costs_and_no_more_than_so_much() -> None:
+    eye = np.array([0.0, 0.0, 1.5])
+    over, beside, beyond = (np.array([[x, 0.1, 0.7 - 1.5]]) for x in (2.2, 2.85, 9.0))
+    assert carried_cost(TABLE, eye, over) == 0.0
+    assert 0.0 < carried_cost(TABLE, eye, beside) <= carried_cost(TABLE, eye, beyond) == pytest.approx(6.0)
+    assert carried_cost(TABLE, eye, np.concatenate([over, beyond])) == pytest.approx(6.0)
+    chairless = replace(TABLE, entry=GENERIC["generic_box"])
+    assert carried_cost(chairless, eye, np.zeros((0, 3))) == 0.0
+
+
+def test_a_person_may_say_that_something_hangs_or_that_it_does_not() -> None:
+    seen, (_, _, mug) = seen_from_above(WALL, BOARD, MUG)
+    (thing,) = reconstruct(seen, [replace(named("gadget", mug), on=WALL_ITSELF)], ()).things
+    assert thing.fit.guess.fixed
+    seen, (_, panel) = seen_from_above(WALL, PANEL)
+    (thing,) = reconstruct(seen, [replace(named("picture", panel), on=FLOOR)], ()).things
+    assert not thing.fit.guess.fixed and thing.fit.guess.bottom_m == 0.0
