@@ -62,8 +62,7 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
-from oag.model.scene import Kind
-from oag.model.symbols import GRIPPER
+from oag.model.symbols import GRIPPER, Kind
 from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
