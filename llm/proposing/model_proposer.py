@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import bddl
 from llm.client.budget import Budget, Metered
@@ -39,6 +40,7 @@ from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
 from oag.verify.edits import (
     ChangeSubtask,
     DeleteSubtask,
+    Edit,
     InsertSubtask,
     MoveSubtask,
     SetFlow,
@@ -117,25 +119,39 @@ def _is_offered(fix: Fix) -> bool:
     return fix.kind not in _NOT_OFFERED and not fix.assumption and not given and not fix.remaining
 
 
-def _modules_of(fix: Fix) -> Iterator[int]:
+def _modules_of(fix: Fix, task: Task) -> Iterator[int]:
     """Yield the module that wrote what a fix changes; of several changes the earliest."""
     if fix.kind != "several":
-        yield from (module for kind, module in _BY_FIX.items() if kind == fix.kind)
+        yield from filter(None, [_BY_FIX.get(fix.kind)])
         return
-    changed = [edit for edit in fix.edits if isinstance(edit, ChangeSubtask)]
+    edits = list(fix.edits)
+    for one, other in pairwise(fix.edits):
+        if _has_other_conditions(one, other, task):
+            edits = [edit for edit in edits if edit is not one and edit is not other]
+    changed = [edit for edit in edits if isinstance(edit, ChangeSubtask)]
     roles = any((edit.target, edit.support_init, edit.support_goal) != (None, None, None) for edit in changed)
-    if roles or any(isinstance(edit, InsertSubtask | DeleteSubtask | MoveSubtask | SwapSubtasks) for edit in fix.edits):
+    if roles or any(isinstance(edit, InsertSubtask | DeleteSubtask | MoveSubtask | SwapSubtasks) for edit in edits):
         yield 2
-    elif changed:
+    elif changed or len(edits) < len(fix.edits):
         yield 3
-    elif any(isinstance(edit, SetFlow) for edit in fix.edits):
+    elif any(isinstance(edit, SetFlow) for edit in edits):
         yield 5
+
+
+def _has_other_conditions(one: Edit, other: Edit, task: Task) -> bool:
+    """Decide whether two edits put a subtask of the same roles in the place of one."""
+    if not (isinstance(one, DeleteSubtask) and isinstance(other, InsertSubtask) and one.subtask == other.subtask):
+        return False
+    return any(part.roles == other.inserted.roles for part in task.subtasks[one.subtask : one.subtask + 1])
 
 
 def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool) -> Charge:
     # One is enough: a small model mixes the changes of several.
     finding = replace(found, fixes=tuple(map(str, fixes[:1])))
-    by_fix = [module for fix in fixes for module in _modules_of(fix)]
+    if fixes and fixes[0].subtask != found.subtask:
+        # More than the subtask of the finding is to be written again.
+        finding = replace(finding, subtask=None)
+    by_fix = [module for fix in fixes for module in _modules_of(fix, task)]
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
     named = (2, 3) if opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:

@@ -25,6 +25,7 @@ from pydantic import BeforeValidator, Field
 import bddl
 from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
+from llm.proposing.handling import handling_findings, has_place, needs_doors, stakes
 from llm.proposing.proposal import Expanded
 from llm.proposing.session import ModuleSession, check_numbering
 from llm.structured.conversation import errors_of, finding
@@ -62,8 +63,6 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
-from oag.model.symbols import GRIPPER, Kind
-from oag.primitives.cargo import RESTING
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
 from oag.wellformed import check as check_form
@@ -135,10 +134,6 @@ def _activity(sentence: str) -> str:
     return words if words[:1].isalpha() else f"task_{words}"
 
 
-def _stated(scene: Scene) -> set[bddl.Formula]:
-    return {literal for fact in scene.facts for literal in bddl.conjuncts(fact)}
-
-
 @dataclass(frozen=True, slots=True)
 class Understood:
     """Meaning of a query."""
@@ -149,36 +144,15 @@ class Understood:
 
     def about(self, scene: Scene) -> set[str]:
         """Return the names that the goal at stake has once its quantifiers are expanded."""
-        goal = self.at_stake(scene)
+        goal = stakes(self.goal, scene)
         return {name for atom in bddl.ground(goal, scene.categories).atoms for name in atom.args}
-
-    def near(self, scene: Scene) -> set[str]:
-        """Return what the parts of the goal that do not hold yet name, and what these things are inside."""
-        stated = _stated(scene)
-        parts = [part for part in bddl.conjuncts(self.goal) if part not in stated]
-        near = {name for part in parts for atom in bddl.atoms(part) for name in atom.args}
-        inside = [atom.args for fact in stated for atom in bddl.atoms(fact) if atom.predicate == "inside"]
-        while more := {container for thing, container in inside if thing in near} - near:
-            near |= more
-        return near
-
-    def at_stake(self, scene: Scene) -> bddl.Formula:
-        """Return the goal without parts that hold at the start and are about nothing that the rest concerns.
-
-        A small model makes a subtask of each part that it reads.
-        """
-        parts, stated, near = bddl.conjuncts(self.goal), _stated(scene), self.near(scene)
-        kept = [part for part in parts if part not in stated or any(near & {*a.args} for a in bddl.atoms(part))]
-        if len(kept) in (0, len(parts)):
-            return self.goal
-        return bddl.parse_formula(f"(and {' '.join(map(bddl.format, kept))})" if kept[1:] else bddl.format(kept[0]))
 
     def text(self, scene: Scene) -> str:
         """Return module 1's answer as text for the prompts of the later modules."""
         lines = [
             f"task_name: {self.expanded.task_name}",
             f"task_message_detail: {self.expanded.task_message_detail}",
-            f"goal: {bddl.format(self.at_stake(scene))}",
+            f"goal: {bddl.format(stakes(self.goal, scene))}",
         ]
         return fenced("task", "\n".join(lines))
 
@@ -314,8 +288,7 @@ class Decomposition(Answer):
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
     # A small model does what the example does: one with a door makes it open one.
-    known = [session.scene.objects[name] for name in understood.near(session.scene) & session.scene.objects.keys()]
-    doors = "door" if any(thing.kind is Kind.ARTICULATED for thing in known) else "bare"
+    doors = "door" if needs_doors(understood.goal, session.scene) else "bare"
     answer = session.ask(
         2,
         Decomposition,
@@ -329,8 +302,10 @@ def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTas
 def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
     yield from check_numbering(answer.sub_tasks)
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
-    yield from _handling_findings(answer.subtasks(), goal, scene)
-    for index, entry in enumerate(answer.sub_tasks):
+    yield from handling_findings(answer.subtasks(), goal, scene)
+    # Numbered as they are understood and shown.
+    entries = answer.resolved().sub_tasks
+    for index, entry in enumerate(entries):
         thing = scene.objects.get(entry.target)
         if thing is not None and thing.role == "A" and any(entry.supports):
             message = (
@@ -339,15 +314,15 @@ def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Sc
             hint = "name the item as the target; supports are for what is carried"
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
-        elif thing is not None and not any(entry.supports) and kind_problem(bddl.Atom("open", (thing.id,)), scene):
+        elif thing is not None and not any(entry.supports) and _has_no_door(thing, scene):
             message = f"without a support it would be opened or closed, and {thing.id} has no door"
             hint = "leave it out, or name what the item is taken from or put at"
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
         stated = entry.bddl_category
-        earlier = [n for n, other in enumerate(answer.sub_tasks[:index]) if other.target == entry.target]
-        if earlier and _same_again(answer.sub_tasks[earlier[-1]], entry):
-            message = f"it is T{earlier[-1] + 1} again, which nothing has undone: name and roles are the same"
+        earlier = [n for n, other in enumerate(entries[:index]) if other.target == entry.target]
+        if earlier and _same_again(entries[earlier[-1]], entry):
+            message = f"it has the name and the roles of T{earlier[-1] + 1}, so that nothing tells the two apart"
             hint = "name each subtask for what it does, such as open_... and close_..., or leave one out"
             place = f"T{index + 1} {entry.task_activity_name}"
             yield finding("answer/same-again", message, place, subtask=index, hint=hint)
@@ -357,30 +332,11 @@ def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Sc
             yield finding("answer/category", message, place, subtask=index)
 
 
-def _handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
-    """Yield what the roles alone show: a thing that is put down but never picked up, or never put where it shall be."""
-    facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
-    taken = {one.atom.args[0] for one in facts if one.value and one.atom.args[1:] == (GRIPPER,)}
-    for index, part in enumerate(subtasks):
-        taken |= {part.target} if part.support_init else set()
-        if part.support_goal and part.target not in taken:
-            place = subtask_place(bare_task(scene, subtasks), index)
-            hint = f"before it, a subtask with target {part.target} and as support_init what it stands in or on"
-            yield finding("answer/not-held", f"nothing picks {part.target} up before", place, subtask=index, hint=hint)
-        if part.support_goal and part.support_goal == part.support_init:
-            message = f"it puts {part.target} back where it takes it from, {part.support_goal}"
-            hint = "leave support_init empty where the hand holds the target already"
-            place = subtask_place(bare_task(scene, subtasks), index)
-            yield finding("answer/not-put", message, place, subtask=index, hint=hint)
-    put = {(part.target, part.support_goal) for part in subtasks}
-    for literal in bddl.literals(goal) or ():
-        if literal.value and literal.atom.predicate in RESTING and literal not in facts:
-            thing, where = literal.atom.args
-            # What cannot be carried is a mistake of the goal, which the graph finds.
-            if where != GRIPPER and (thing, where) not in put and scene[thing].role == "B":
-                message = f"no subtask puts {thing} where the goal has it: {bddl.format(literal.atom)}"
-                hint = f"give the subtask that puts {thing} down the support_goal {where}; one before it picks it up"
-                yield finding("answer/not-put", message, "sub_tasks", hint=hint)
+def _has_no_door(thing: SceneObject, scene: Scene) -> bool:
+    """Decide whether a thing is neither opened nor, in a scene that does not tell its place, picked up."""
+    if thing.role == "B" and not has_place(thing.id, scene):
+        return False
+    return kind_problem(bddl.Atom("open", (thing.id,)), scene) is not None
 
 
 def _same_again(one: SubtaskRoles, other: SubtaskRoles) -> bool:

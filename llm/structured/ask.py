@@ -310,10 +310,10 @@ def ask(
     for number in range(max(rounds, 1)):
         usual = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
         again = () if refused is None else refused.entries
-        wire = wire_schema(schema, ids, len(again) or entries, formulas)
+        wire = wire_schema(schema, ids, entries, formulas, again)
         request = prompt.request(wire, refused, _AFTER_REPEAT if repeats else usual)
         reply = transport.complete(request)
-        answer, findings = _judged(reply, schema, check, standing if again else None)
+        answer, findings = _judged(reply, schema, check, standing, again)
         repeated = () if answer is None else log.repeated(prompt, answer)
         if repeated:
             findings = repeated
@@ -336,7 +336,7 @@ def ask(
         shown, wrong = reply.text, again
         if answer is not None:
             standing = answer
-            shown = answer.shown() if again else reply.text
+            shown = answer.shown() if again or answer.resolved() is not answer else reply.text
             wrong = entries_of(found for found in findings if found.code != _REPEATED)
         refused = Refused(shown, findings, tuple(dict.fromkeys(before)), wrong if len(wrong) < entries else ())
     if fallback is not None:
@@ -349,10 +349,11 @@ def _judged(
     schema: type[AnswerT],
     check: Callable[[AnswerT], Iterable[Diagnostic]],
     standing: AnswerT | None = None,
+    again: Sequence[int] = (),
 ) -> tuple[AnswerT | None, tuple[Diagnostic, ...]]:
     """Return the answer in a reply, None if it does not have the schema's form, and the findings.
 
-    Entries that replace some of an answer that stands otherwise (`standing`) are put into it.
+    Entries that were asked for `again` are put into the answer that stands otherwise.
     """
     cut_off = reply.finish_reason == "length"
     found = extract(reply.text, schema.found_in, cut_off=cut_off, fields=tuple(schema.model_fields))
@@ -360,7 +361,7 @@ def _judged(
         return None, (found,)
     try:
         answer = schema.model_validate(lenient.visible(found))
-        answer = answer if standing is None else standing.with_entries(answer)
+        answer = standing.with_entries(answer, again) if standing is not None and again else answer
     except ValidationError as problem:
         listed = problem.errors(include_url=False, include_context=False, include_input=True)
         wrong = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]

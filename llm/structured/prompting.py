@@ -364,16 +364,16 @@ def _either(item: str, fixture: str) -> str:
     return " / ".join(f"{kind}: {text}" for kind, text in (("item", item), ("fixture", fixture)) if text)
 
 
-# Literals of a formula that a pattern admits; more objects than these have no pattern.
-_MOST_LITERALS = 8
+# More objects than these have no pattern. Of few objects a formula has some literals more than there are.
 _MOST_IN_PATTERN = 60
+_MORE_LITERALS = 4
 
 
 def formula_pattern(scene: Scene, ids: Sequence[str]) -> str:
     """Return the regular expression of formulas that can hold in a scene, for endpoints that follow a schema strictly.
 
-    These are literals about what primitives change, and their conjunctions and disjunctions. Where objects are few,
-    a quantified formula has one of this form. It is empty where nothing can be written so, or there are many objects.
+    These are literals about what primitives change, and their conjunctions and disjunctions: a quantified goal is
+    written out over the objects. It is empty where nothing can be written so, or there are many objects.
     """
     if len(ids) > _MOST_IN_PATTERN:
         return ""
@@ -386,7 +386,7 @@ def formula_pattern(scene: Scene, ids: Sequence[str]) -> str:
         return ""
     atom = rf"\((?:{'|'.join(atoms)})\)"
     literal = rf"(?:{atom}|\(not {atom}\))"
-    return rf"(?:{literal}|\((?:and|or)(?: {literal}){{2,{_MOST_LITERALS}}}\))"
+    return rf"(?:{literal}|\((?:and|or)(?: {literal}){{2,{len(ids) + _MORE_LITERALS}}}\))"
 
 
 def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable[str], scene: Scene) -> list[str]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Annotated, ClassVar, Self, get_args, get_origin
 
 from pydantic import (
@@ -63,11 +63,11 @@ class Answer(BaseModel):
         """Return the answer as it is understood; a refused answer is shown in this form."""
         return self
 
-    def with_entries(self, other: Self) -> Self:
-        """Return this answer with the numbered entries of another one in place of its own, or another whole answer."""
+    def with_entries(self, other: Self, numbers: Collection[int]) -> Self:
+        """Return this answer with the entries of some numbers from another one, or that one where it has others."""
         mine, theirs = (getattr(one, self.list_name) for one in (self, other))
         changed = {entry.sub_task: entry for entry in theirs}
-        if len(theirs) >= len(mine) or len(changed) < len(theirs) or not changed.keys() <= {e.sub_task for e in mine}:
+        if changed.keys() != {*numbers} or len(theirs) != len(changed):
             return other
         return self.model_copy(update={self.list_name: [changed.get(entry.sub_task, entry) for entry in mine]})
 
@@ -320,7 +320,11 @@ def _written(value: object) -> object:
 
 
 def wire_schema(
-    answer: type[Answer], ids: Sequence[str] = (), entries: int = 0, formulas: str = ""
+    answer: type[Answer],
+    ids: Sequence[str] = (),
+    entries: int = 0,
+    formulas: str = "",
+    numbers: Sequence[int] = (),
 ) -> dict[str, object]:
     """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
@@ -331,12 +335,17 @@ def wire_schema(
         ids: The objects that fields of ids may name; without any, or with very many, every text is legal.
         entries: Length of the answer's list; 0 where it is not known.
         formulas: Pattern of its formulas; without one every text is legal.
+        numbers: The entries that it has, where these are not all.
     """
     full = answer.model_json_schema()
     written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else (), formulas)
     properties = written["properties"]
-    if entries and answer.list_name and isinstance(properties, dict):
-        properties[answer.list_name] |= {"minItems": entries, "maxItems": entries}
+    count = len(numbers) or entries
+    if count and answer.list_name and isinstance(properties, dict):
+        listed = properties[answer.list_name]
+        listed |= {"minItems": count, "maxItems": count}
+        if numbers:
+            listed["items"]["properties"]["sub_task"]["enum"] = [*numbers]
     return written
 
 

@@ -1,0 +1,109 @@
+"""What the roles of a decomposition show, and what a goal concerns, by the facts of a scene."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import bddl
+import oag
+from llm.proposing.handling import concerns, handling_findings, has_place, needs_doors, stakes
+from llm.structured.prompting import formula_pattern
+from llm.structured.schema import wire_schema
+from oag.model.reading import UNREADABLE
+
+FACTS = ["(ontop apple_0 plate_0)", "(inside plate_0 fridge_0)", "(not (open fridge_0))", "(not (open cabinet_0))"]
+KINDS = {
+    "apple_0": "apple",
+    "plate_0": "plate",
+    "bowl_0": "bowl",
+    "fridge_0": "refrigerator",
+    "cabinet_0": "bottom_cabinet",
+    "table_0": "table",
+}
+SCENE = oag.scene(KINDS, [*FACTS, "(ontop bowl_0 cabinet_0)"])
+
+
+def goal(text: str) -> bddl.Formula:
+    return bddl.parse_formula(text)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "kept", "door"),
+    [
+        ("(and (ontop apple_0 table_0) (not (open fridge_0)))", None, True),
+        ("(and (forall (?a - apple) (ontop ?a table_0)) (not (open fridge_0)))", None, True),
+        ("(and (ontop bowl_0 table_0) (not (open cabinet_0)))", "(ontop bowl_0 table_0)", False),
+        ("(and (inside bowl_0 cabinet_0) (not (open cabinet_0)))", None, True),
+        ("(open fridge_0)", None, True),
+        ("(ontop bowl_0 cabinet_0)", None, False),
+    ],
+)
+def test_later_modules_read_what_is_at_stake(wanted: str, kept: str | None, door: bool) -> None:
+    assert bddl.format(stakes(goal(wanted), SCENE)) == (kept or wanted)
+    assert needs_doors(goal(wanted), SCENE) is door
+
+
+def test_what_stands_on_a_plate_is_behind_its_door_and_a_counter_is_no_part() -> None:
+    assert concerns(goal("(ontop apple_0 table_0)"), SCENE) == {"apple_0", "table_0", "plate_0", "fridge_0"}
+    assert "cabinet_0" not in concerns(goal("(ontop bowl_0 table_0)"), SCENE)
+
+
+def subtasks(*roles: tuple[str, str | None, str | None]) -> list[oag.SimpleTask]:
+    return [oag.SimpleTask(f"t{n}", "", *role, init=UNREADABLE, goal=UNREADABLE) for n, role in enumerate(roles)]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "roles", "codes"),
+    [
+        ("(ontop apple_0 table_0)", [("apple_0", "plate_0", None), ("apple_0", None, "table_0")], []),
+        ("(ontop apple_0 table_0)", [("apple_0", None, "table_0")], ["answer/not-held"]),
+        ("(ontop apple_0 table_0)", [("apple_0", "plate_0", None)], ["answer/not-put"]),
+        # The plate takes the apple along.
+        ("(ontop apple_0 table_0)", [("plate_0", "fridge_0", None), ("plate_0", None, "table_0")], []),
+        ("(ontop bowl_0 table_0)", [("bowl_0", "cabinet_0", "cabinet_0")], ["answer/not-put", "answer/not-put"]),
+        # What cannot be carried is the goal's mistake.
+        ("(ontop table_0 fridge_0)", [], []),
+    ],
+)
+def test_roles_alone_show_what_is_not_held_or_not_put(
+    wanted: str, roles: list[tuple[str, str | None, str | None]], codes: list[str]
+) -> None:
+    found = handling_findings(subtasks(*roles), goal(wanted), SCENE)
+    assert [one.code for one in found] == codes
+
+
+def test_a_thing_without_a_stated_place_may_be_put_down() -> None:
+    scene = oag.scene({"die_0": "apple", "table_0": "table"}, [])
+    roles = subtasks(("die_0", None, None), ("die_0", None, "table_0"))
+    assert not has_place("die_0", scene) and has_place("apple_0", SCENE)
+    assert not list(handling_findings(roles, goal("(ontop die_0 table_0)"), scene))
+
+
+def test_the_pattern_of_formulas_admits_what_kinds_admit() -> None:
+
+    pattern = formula_pattern(SCENE, list(SCENE.objects))
+    for text in ("(open fridge_0)", "(not (inside apple_0 gripper))", "(and (ontop apple_0 table_0) (open fridge_0))"):
+        assert re.fullmatch(pattern, text)
+    for text in ("(open table_0)", "(inside apple_0 table_0)", "(ontop fridge_0 table_0)", "(and)", "open fridge_0"):
+        assert not re.fullmatch(pattern, text)
+    many = "(and " + " ".join(["(ontop apple_0 table_0)"] * len(SCENE.objects)) + ")"
+    assert re.fullmatch(pattern, many)
+    assert formula_pattern(oag.scene({"table_0": "table"}, []), ["table_0"]) == ""
+
+
+def test_entries_that_are_asked_for_are_numbers_of_the_schema() -> None:
+    from llm.proposing.modules import Conditions, SubtaskConditions
+
+    listed = wire_schema(Conditions, entries=4, numbers=(2, 4))["properties"]["sub_tasks"]  # type: ignore[index]
+    assert listed["minItems"] == listed["maxItems"] == 2
+    assert listed["items"]["properties"]["sub_task"]["enum"] == [2, 4]
+
+    def conditions(*numbers: int, text: str = "(open a)") -> Conditions:
+        return Conditions(sub_tasks=[SubtaskConditions(sub_task=n, init=text, goal=text) for n in numbers])
+
+    standing, others = conditions(1, 2, 3), conditions(3, text="(open b)")
+    assert [one.init for one in standing.with_entries(others, (3,)).sub_tasks] == ["(open a)", "(open a)", "(open b)"]
+    # Another entry than the one that was asked for is no amendment.
+    assert standing.with_entries(others, (2,)) is others
