@@ -127,7 +127,8 @@ def _is_as_meant(atom: Atom, is_there: bool | None, before: Snapshot, after: Sna
     item, other = atom.args
     if other == GRIPPER:
         is_up = after.lowest_m(item) - before.lowest_m(item) >= LIFTED_M - IN_M
-        return is_up or (before.is_roofed(item) and not after.is_roofed(item))
+        # Out of a compartment, or off the edge of what it stood on, it is picked up at any height.
+        return is_up or (before.is_roofed(item) and not after.is_roofed(item)) or after.has_left(item, before)
     most_deg = LEAN_DEG if atom.predicate == "inside" and other in after.middles else TILT_DEG
     stands = after.is_ball(item) or after.tilt_deg(item, before) <= most_deg
     return stands and not after.is_pressed(item)

@@ -181,6 +181,13 @@ class Snapshot:
         """Decide whether something other than the robot is over an item's middle."""
         return self._is_roofed_by(item, (name for name in self.hulls if name != item and name not in self.robot_links))
 
+    def has_left(self, item: str, before: Snapshot) -> bool:
+        """Decide whether nothing that an item rested on in another state, the ground apart, is under its middle."""
+        others = [name for name in before.hulls if name != item and name not in before.robot_links]
+        rested = [name for name in others if before.is_on(item, name)]
+        middle = self.middles[item]
+        return bool(rested) and all(_top_under(hull, middle) is None for name in rested for hull in self.hulls[name])
+
     def _is_roofed_by(self, item: str, others: Iterable[str]) -> bool:
         middle = self.middles[item]
         tops = [_top_under(hull, middle) for name in others for hull in self.hulls[name]]

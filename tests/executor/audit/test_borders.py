@@ -206,3 +206,11 @@ def test_a_predicate_without_a_geometry_is_undecided() -> None:
         assert value(world, "(frozen can_0)") is None
         assert value(world, "(and (frozen can_0) (ontop can_0 table_0))") is None
         assert value(world, "(and (frozen can_0) (not (ontop can_0 table_0)))") is False
+
+
+@pytest.mark.parametrize(("beyond_m", "up_m"), [(-0.1, 0.0), (-0.1, 0.3), (0.1, 0.0), (0.1, 0.05)])
+def test_a_thing_has_left_its_table_once_its_middle_is_beyond_the_edge(beyond_m: float, up_m: float) -> None:
+    with table_with_can() as world:
+        before = Snapshot(world, world.pack())
+        world.set_object_pose("can_0", at(1.0 + 0.4 + beyond_m, 0.0, TOP_M + 0.051 + up_m))
+        assert Snapshot(world, world.pack()).has_left("can_0", before) is (beyond_m > 0)
