@@ -521,6 +521,19 @@ class Flows(Answer):
         )
 
 
+def _with_flows_that_work(found: Sequence[Diagnostic], task: Task) -> tuple[Diagnostic, ...]:
+    """Return findings about flows with one that a search finds in its place, where the subtasks then succeed."""
+    wrong = {one.subtask for one in found}
+    if not wrong or None in wrong or task.scene is None:
+        return tuple(found)
+    parts = (replace(part, flow=None) if n in wrong else part for n, part in enumerate(task.subtasks))
+    graph = compose(replace(task, subtasks=tuple(parts), goal=task.subtasks[-1].goal), scene=task.scene)
+    if graph.verify().verdict is not Verdict.PROVED:
+        return tuple(found)
+    flows = {n: json.dumps([*map(str, part.flow or ())]) for n, part in enumerate(graph.task.subtasks)}
+    return tuple(replace(one, fixes=(f"T{n + 1}: the flow {flows[n]}",)) for one in found for n in [one.subtask or 0])
+
+
 # A small model copies the flow of an example for everything: it has one of each kind.
 _EXAMPLE_FLOWS = [
     {"sub_task": number, "flow": [step.name for step in flow]}
@@ -541,6 +554,6 @@ def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping
 
     def check(answer: Flows) -> Iterable[Diagnostic]:
         task = replace(bare_task(session.scene, answer.added_to(subtasks)), scales=dict(scales))
-        return check_form(task, session.scene)
+        return _with_flows_that_work(check_form(task, session.scene), task)
 
     return session.ask(5, Flows, check, places, about=_involved(subtasks), entries=len(subtasks)).added_to(subtasks)

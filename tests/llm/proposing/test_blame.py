@@ -174,3 +174,12 @@ def test_a_decomposition_that_is_confirmed_leaves_the_fault_with_module_3() -> N
     with pytest.raises(llm.AnswersRefused) as caught:
         ModelProposer(script, cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
     assert caught.value.module == 3 and [module_of(request) for request in script.asked].count(2) == 3
+
+
+def test_a_flow_of_wrong_form_comes_back_with_one_that_works() -> None:
+    flows = right_answers("T1")[5]
+    wrong = altered(flows, ("sub_tasks", 3, "flow", 0), {"id": 18})
+    script = Script(right_answers("T1"), {5: [Wrong(wrong, 'T4: the flow ["NAVIGATE_TO_TARGET')]})
+    proposal = ModelProposer(script, cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
+    assert oag.compose(proposal.task).verify().verdict is oag.Verdict.PROVED
+    assert [module_of(request) for request in script.asked] == [1, 2, 3, 4, 5, 5]
