@@ -13,7 +13,7 @@ import importlib
 import json
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from threading import Event, Thread
 from typing import Any
@@ -21,7 +21,7 @@ from typing import Any
 from bddl.terminal import escape_control
 from llm.client.completion import Unanswered, error_message, read_answer
 from llm.client.profiles import ModelProfile
-from llm.client.transport import BOUNDS, ChatReply, ChatRequest, Image, Message, Part
+from llm.client.transport import BOUNDS, FORMS, ChatReply, ChatRequest, Image, Message, Part
 from llm.errors import (
     ModelConfigError,
     ModelRefused,
@@ -53,7 +53,7 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     if mode == "json_schema" and request.json_schema is not None and profile.serve:
         body["grammar"] = _compact_grammar(request.json_schema)
     elif mode == "json_schema" and request.json_schema is not None:
-        sent = request.json_schema if profile.bounds else _unbounded(request.json_schema)
+        sent = _without(request.json_schema, (FORMS,) if profile.bounds else (FORMS, *BOUNDS))
         schema: dict[str, Any] = {"name": "answer", "schema": sent}
         if profile.strict:
             schema["strict"] = True
@@ -85,18 +85,18 @@ def _compact_grammar(schema: Mapping[str, object]) -> str:
     return "%llguidance {}\nstart: %json " + json.dumps({**schema, "x-guidance": spacing})
 
 
-def _unbounded(schema: Any) -> Any:
+def _without(schema: Any, keys: Collection[str]) -> Any:
     """Return a schema without the keys that only some endpoints know; a field may have the name of one."""
     if isinstance(schema, list):
-        return [_unbounded(item) for item in schema]
+        return [_without(item, keys) for item in schema]
     if not isinstance(schema, Mapping):
         return schema
     fields = {
-        key: {name: _unbounded(one) for name, one in value.items()}
+        key: {name: _without(one, keys) for name, one in value.items()}
         for key, value in schema.items()
         if key == "properties"
     }
-    return {key: _unbounded(value) for key, value in schema.items() if key not in BOUNDS} | fields
+    return {key: _without(value, keys) for key, value in schema.items() if key not in keys} | fields
 
 
 def _messages(request: ChatRequest, profile: ModelProfile) -> list[dict[str, Any]]:

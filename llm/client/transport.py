@@ -22,6 +22,8 @@ Mode = Literal["json_schema", "json_object", "plain"]
 MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
 BOUNDS = ("maxLength", "minItems", "maxItems", "pattern")
 """Keys of a schema that bound an answer; several endpoints reject a request that has them."""
+FORMS = "anyOf"
+"""Key of a schema whose alternatives narrow the fields next to it; only the library's own server is known to do so."""
 
 
 def project_version() -> str:

@@ -295,8 +295,17 @@ def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTas
         lambda given: _decomposition_findings(given, understood.goal, session.scene),
         {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{doors}").strip()},
         about=understood.about(session.scene),
+        forms=lambda ids: _forms(ids, session.scene),
     )
     return answer.subtasks()
+
+
+def _forms(ids: Sequence[str], scene: Scene) -> Sequence[Mapping[str, Sequence[str]]]:
+    """Return the forms of a simple task: a fixture that opens, without supports, or an item."""
+    fixtures = [key for key in ids if kind_problem(bddl.Atom("open", (key,)), scene) is None]
+    items = [key for key in ids if scene[key].role == "B"]
+    forms = ({"target": fixtures, "support_init": [""], "support_goal": [""]}, {"target": items})
+    return [form for form in forms if form["target"]]
 
 
 def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:

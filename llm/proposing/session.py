@@ -60,6 +60,7 @@ class ModuleSession:
         *,
         about: Iterable[str] | None = None,
         entries: int = 0,
+        forms: Callable[[Sequence[str]], Sequence[Mapping[str, Sequence[str]]]] = lambda _: (),
     ) -> AnswerT:
         """Return a module's answer once `check` finds nothing wrong with it.
 
@@ -70,6 +71,7 @@ class ModuleSession:
             images: Pictures of the question.
             about: The objects that the question is about; None for what the query mentions.
             entries: How many entries the answer's list has; 0 where that is the answer's own.
+            forms: Returns the alternatives of an entry (`wire_schema`) by the objects that are shown.
 
         Raises:
             AnswersRefused: No answer was valid.
@@ -98,6 +100,7 @@ class ModuleSession:
             ids=ids,
             entries=entries,
             formulas=formula_pattern(self.scene, ids),
+            forms=forms(ids),
         )
         self.taken[module] = (prompt, answer)
         return answer

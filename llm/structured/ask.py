@@ -286,6 +286,7 @@ def ask(
     ids: Sequence[str] = (),
     entries: int = 0,
     formulas: str = "",
+    forms: Sequence[Mapping[str, Sequence[str]]] = (),
 ) -> AnswerT:
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 
@@ -298,7 +299,7 @@ def ask(
         log: Record of every round.
         objection: An earlier answer to this prompt with the findings about it.
         standing: The same answer as it was read: where the objection is about some entries, the others stay.
-        ids, entries, formulas: For the schema of the wire (`wire_schema`).
+        ids, entries, formulas, forms: For the schema of the wire (`wire_schema`).
 
     Raises:
         AnswersRefused: No answer was valid; the exception has the whole conversation.
@@ -310,7 +311,7 @@ def ask(
     for number in range(max(rounds, 1)):
         usual = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
         again = () if refused is None else refused.entries
-        wire = wire_schema(schema, ids, entries, formulas, again)
+        wire = wire_schema(schema, ids, entries, formulas, again, forms)
         request = prompt.request(wire, refused, _AFTER_REPEAT if repeats else usual)
         reply = transport.complete(request)
         answer, findings = _judged(reply, schema, check, standing, again)

@@ -384,9 +384,9 @@ def formula_pattern(scene: Scene, ids: Sequence[str]) -> str:
         atoms += [f"{predicate} {_one_of(items)} {_one_of(places)}"] if places else []
     if not atoms:
         return ""
-    atom = rf"\((?:{'|'.join(atoms)})\)"
-    literal = rf"(?:{atom}|\(not {atom}\))"
-    return rf"(?:{literal}|\((?:and|or)(?: {literal}){{2,{len(ids) + _MORE_LITERALS}}}\))"
+    atom = rf"\(({'|'.join(atoms)})\)"
+    literal = rf"({atom}|\(not {atom}\))"
+    return rf"({literal}|\((and|or)( {literal}){{2,{len(ids) + _MORE_LITERALS}}}\))"
 
 
 def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable[str], scene: Scene) -> list[str]:
@@ -399,7 +399,7 @@ def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable
 
 
 def _one_of(names: Iterable[str]) -> str:
-    return f"(?:{'|'.join(map(re.escape, names))})"
+    return f"({'|'.join(map(re.escape, names))})"
 
 
 @cache

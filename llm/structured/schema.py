@@ -32,7 +32,7 @@ from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
-from llm.client.transport import BOUNDS
+from llm.client.transport import BOUNDS, FORMS
 from llm.structured.values import as_formula, as_number, as_ordinal, plain_name
 from oag import Action, Primitive
 from oag.model.actions import action_from_json
@@ -325,6 +325,7 @@ def wire_schema(
     entries: int = 0,
     formulas: str = "",
     numbers: Sequence[int] = (),
+    forms: Sequence[Mapping[str, Sequence[str]]] = (),
 ) -> dict[str, object]:
     """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
@@ -336,6 +337,7 @@ def wire_schema(
         entries: Length of the answer's list; 0 where it is not known.
         formulas: Pattern of its formulas; without one every text is legal.
         numbers: The entries that it has, where these are not all.
+        forms: Alternatives of an entry: what some of its fields admit together.
     """
     full = answer.model_json_schema()
     written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else (), formulas)
@@ -346,6 +348,9 @@ def wire_schema(
         listed |= {"minItems": count, "maxItems": count}
         if numbers:
             listed["items"]["properties"]["sub_task"]["enum"] = [*numbers]
+    if forms and answer.list_name and isinstance(properties, dict):
+        narrowed = [{"properties": {name: {"enum": [*values]} for name, values in form.items()}} for form in forms]
+        properties[answer.list_name]["items"][FORMS] = narrowed
     return written
 
 

@@ -107,3 +107,18 @@ def test_entries_that_are_asked_for_are_numbers_of_the_schema() -> None:
     assert [one.init for one in standing.with_entries(others, (3,)).sub_tasks] == ["(open a)", "(open a)", "(open b)"]
     # Another entry than the one that was asked for is no amendment.
     assert standing.with_entries(others, (2,)) is others
+
+
+def test_an_entry_is_of_a_fixture_or_of_an_item_where_a_server_follows_that() -> None:
+    from llm.client.openai import chat_body
+    from llm.client.profiles import find_profile
+    from llm.client.transport import ChatRequest
+    from llm.proposing.modules import Decomposition, _forms
+
+    forms = _forms(list(SCENE.objects), SCENE)
+    assert [form["target"] for form in forms] == [["fridge_0", "cabinet_0"], ["apple_0", "plate_0", "bowl_0"]]
+    request = ChatRequest.of("s", "q", json_schema=wire_schema(Decomposition, list(SCENE.objects), forms=forms))
+    for name, known in (("llama-cpp:x", False), ("openai:gpt-4o", False), ("local:x", True)):
+        body = chat_body(request, find_profile(name))
+        assert ('"anyOf"' in str(body.get("grammar", "")) or "'anyOf'" in str(body["messages"])) is known
+        assert "anyOf" not in str(body.get("response_format", ""))
