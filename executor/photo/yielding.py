@@ -111,7 +111,9 @@ def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> P
         places = []
         for by_m, turn in steps:
             aside_m, height_m = by_m * math.cos(turn), guess.bottom_m + by_m * math.sin(turn)
-            at = np.array([guess.x_m, guess.y_m]) + aside_m * np.array([-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)])
+            at = np.array([guess.x_m, guess.y_m]) + aside_m * np.array(
+                [-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)]
+            )
             if height_m >= 0.0:
                 tried.append((by_m, float(at[0]), float(at[1]), height_m))
     for (by_m, turn), (height_m, T, half) in itertools.product(steps, places):

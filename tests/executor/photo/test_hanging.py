@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, Detection, is_left_out
 from executor.photo.inputs.annotations import WALL as WALL_ITSELF
 from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow, usual_height_m, usual_thickness_m
+from executor.photo.output import stands_on
 from executor.photo.overlaps import resolve_overlaps
+from executor.photo.pipeline import PhotoResult
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
@@ -178,8 +182,10 @@ def test_furniture_on_a_wall_is_furniture_and_hangs_where_a_person_says_so() -> 
         guess = found.things[0].fit.guess
         assert not guess.fixed and guess.bottom_m > 0.4
         assert found.things[0].fit.in_box > 0.5
-    _, made = scene_of(reconstruct(seen, [replace(detection, on=WALL_ITSELF)], ()), "drawn")
+    found, made = scene_of(reconstruct(seen, [replace(detection, on=WALL_ITSELF)], ()), "drawn")
     assert made.refused == "" and made.scene is not None
+    result = cast(PhotoResult, SimpleNamespace(found=found, made=made))
+    assert list(stands_on(result).values()) == ["wall"]
     (hung,) = (one for one in made.scene.objects.values() if one.category != "wall")
     assert hung.kind is Kind.ARTICULATED and hung.position[2] == pytest.approx(1.25, abs=0.1)
 
@@ -226,7 +232,7 @@ def test_what_physics_refuses_on_a_wall_keeps_its_back_there(on_wall: FittedRoom
     (thing,) = on_wall.things
     assert made.scene is not None
     other = replace(made.scene.objects["gadget_0"], id="other_0")
-    crowded = made.scene.with_objects([*made.scene.objects.values(), other])
+    crowded = replace(made.scene, objects={**made.scene.objects, "other_0": other})
     before = thing.fit.guess
     guess = yielding(thing, crowded, crowded, number)
     assert guess.fixed and guess.x_m + guess.size_m[0] / 2 == pytest.approx(before.x_m + before.size_m[0] / 2, abs=2e-3)
