@@ -45,7 +45,7 @@ _ABOVE_M = 0.01  # What hangs ends so far above the floor: more than physics let
 
 
 def stands_on(result: PhotoResult) -> dict[str, str]:
-    """Return id -> the id of what an object stands on or in, else `floor`, or `wall` if it hangs; none without a scene."""
+    """Return id -> id of what an object stands on or in, else `floor`, or `wall` if it hangs; none without a scene."""
     scene = result.made.scene
     if scene is None:
         return {}

@@ -246,3 +246,11 @@ def test_names_of_two_words_are_not_what_their_last_word_is_alone() -> None:
     assert None not in {hung_depth_m(f"{one} board") for one in ("white", "bulletin", "notice", "dart")}
     assert hung_depth_m("cutting board") is None
     assert carries("boxes") and hung_depth_m("light switches") == hung_depth_m("switch")
+
+
+@pytest.mark.parametrize("above_m", [0.1, 0.3])
+def test_a_picture_above_a_sideboard_without_a_box_hangs(above_m: float) -> None:
+    sideboard = PoseHypothesis(BOX, 2.78, 0.1, 0.0, 0.0, (0.4, 1.2, 1.0 - above_m))
+    seen, (_, _, panel) = seen_from_above(WALL, sideboard, PANEL)
+    (thing,) = reconstruct(seen, [named("picture", panel)], ()).things
+    assert thing.fit.guess.fixed and thing.fit.guess.bottom_m == pytest.approx(1.0, abs=0.05)
