@@ -42,6 +42,7 @@ _STANDS_M = 0.15  # What ends lower stands on the floor.
 _ON_TOP_M = 0.06  # Between a thing's end and the top that it is on.
 _INNER = 0.1  # Share of a box's sides at its border that may show something else.
 _STRIP_SHARE, _FREE = 0.25, 0.6  # Of a box's height, looked at below it; share of it that carries nothing.
+_NEXT = 0.4  # Of what is looked at below a box: it shows the top that a thing is on, and not its front.
 _OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
 _USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
 _FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
@@ -166,10 +167,12 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
         return "farther"
     # Down the picture, a wall goes down, and a top comes nearer.
     down_m, nearer_m = (abs(float(np.cov(rows, values)[0, 1])) for values in (points[:, 2], out_m))
-    if down_m > nearer_m:
-        return "wall" if float((np.abs(out_m) < slack_m).mean()) > _FREE else "open"
+    if down_m > nearer_m and float((np.abs(out_m) < slack_m).mean()) > _FREE:
+        return "wall"
+    # Right below what stands its top is off the wall; farther down may be the front of that, or the wall again.
     off_m = np.abs(points[:, 2] - np.percentile(own_m[:, 2], 5.0))
-    return "top" if float((off_m < _ON_TOP_M + slack_m).mean()) > _SHARE else "open"
+    carries = (np.abs(out_m) > slack_m) & (off_m < _ON_TOP_M + slack_m - _WITHIN_M)
+    return "top" if float(carries[rows <= rows.min() + _NEXT * deep_px].mean()) > _SHARE else "open"
 
 
 def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
