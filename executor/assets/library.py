@@ -259,11 +259,12 @@ def asset_for(obj: SceneObject) -> Asset:
         known = BUILT.get(obj.model)
         asset = _at_size(obj, _family(obj) if known is None else known.build)
         asset = asset if known is None else replace(asset, synset=known.synset)
-    return _fixed(asset) if obj.fixed else with_resistance(obj, asset)
+    asset = with_resistance(obj, asset)
+    return _fixed(asset) if obj.fixed else asset
 
 
 def _fixed(asset: Asset) -> Asset:
-    """Return an asset that does not move, and neither is taken nor carries anything."""
+    """Return an asset that is not free to move, and neither is taken nor carries anything; its joints still resist."""
     motion = "static" if asset.motion == "dynamic" else asset.motion
     return replace(asset, motion=motion, handles=(), regions=(), graspable_width_m=None, rim=None)
 

@@ -34,19 +34,30 @@ from executor.photo.scene import COUNT, RoomVariation, provenance
 from executor.reports.html import jpeg, render
 from executor.reports.run_folder import FolderUnusable, ResultsExist
 from executor.system.files import json_text, plain, read_json, write_json, write_text
-from oag import Scene
+from oag import Scene, SceneObject
+from oag.model.symbols import Kind
 
 SIZE_DIGITS = 3
 """Of sizes in the file of things: millimetres."""
 
 
+_ABOVE_M = 0.01  # What hangs ends so far above the floor: more than physics lets things sink.
+
+
 def stands_on(result: PhotoResult) -> dict[str, str]:
-    """Return id -> the id of what an object stands on or in, else `floor`, or `wall` if fixed; none without a scene."""
+    """Return id -> id of what an object stands on or in, else `floor`, or `wall` if it hangs; none without a scene."""
     scene = result.made.scene
     if scene is None:
         return {}
-    own = {key: "wall" if obj.fixed else "floor" for key, obj in scene.objects.items()}
-    return {thing.id: _beneath(scene).get(thing.id, own[thing.id]) for thing in result.found.things}
+    beneath = _beneath(scene)
+    own = {thing.id: "wall" if _hangs(thing, scene.objects[thing.id]) else "floor" for thing in result.found.things}
+    return {key: beneath.get(key, room) for key, room in own.items()}
+
+
+def _hangs(thing: FittedThing, obj: SceneObject) -> bool:
+    """Return whether an object of a scene is on a wall: fixed there, or furniture that was fitted above the floor."""
+    above_m = obj.position[2] - obj.extent_m[2] / 2
+    return obj.fixed or (thing.fit.hangs and obj.kind is not Kind.ITEM and above_m > _ABOVE_M)
 
 
 def things_text(result: PhotoResult, inputs: Mapping[str, object]) -> str:

@@ -253,25 +253,32 @@ def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis
 
 
 def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
-    """Move the smaller of two objects along the axis of least overlap."""
+    """Move the smaller of two objects along the axis of least overlap; what is fixed only along its wall."""
     a, b = _footprint(first), _footprint(second)
     if a.depth_m(b) <= 0.0:
         return first, second
     second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
     if first.fixed is not second.fixed:
-        # What hangs is where its wall is.
         second_gives = first.fixed
+    axes = [_axes(one.yaw_rad) for one in (a, b)]
+    # What hangs keeps its back on its wall.
+    tried = [axes[second_gives][1]] if first.fixed and second.fixed else [*axes[0], *axes[1]]
     least: tuple[float, np.ndarray] | None = None
-    for yaw in (a.yaw_rad, b.yaw_rad):
-        for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
-            mine, theirs = a.corners_m @ axis, b.corners_m @ axis
-            for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
-                if least is None or over_m < least[0]:
-                    least = float(over_m), direction
+    for axis in tried:
+        mine, theirs = a.corners_m @ axis, b.corners_m @ axis
+        for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
+            if least is None or over_m < least[0]:
+                least = float(over_m), direction
     if least is None:
         return first, second
     by = (least[0] + CLEARANCE_M) * least[1]
     return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
+
+
+def _axes(yaw_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the own x and y axis (2,) of a heading."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array([c, s]), np.array([-s, c])
 
 
 def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:

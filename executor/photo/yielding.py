@@ -61,7 +61,15 @@ def yielding(thing: FittedThing, first: Scene, now: Scene, number: int) -> PoseH
 
 
 def _narrower(guess: PoseHypothesis, deep_share: float, wide_share: float) -> PoseHypothesis:
-    """Return a hypothesis with shares of its depth along the view and of its width; its front stays."""
+    """Return a hypothesis with shares of its depth along the view and of its width; its front stays.
+
+    What is fixed keeps its back on its wall.
+    """
+    if guess.fixed:
+        deep_m, wide_m = deep_share * guess.size_m[0], wide_share * guess.size_m[1]
+        back_m = (guess.size_m[0] - deep_m) / 2
+        x_m, y_m = guess.x_m + back_m * math.cos(guess.yaw_rad), guess.y_m + back_m * math.sin(guess.yaw_rad)
+        return replace(guess, x_m=x_m, y_m=y_m, size_m=(deep_m, wide_m, guess.size_m[2]))
     away = math.atan2(guess.y_m, guess.x_m) - guess.yaw_rad
     deep = int(abs(math.sin(away)) > abs(math.cos(away)))
     sides = [wide_share * side for side in guess.size_m[:2]]
@@ -82,7 +90,7 @@ def _is_on(obj: SceneObject, guess: PoseHypothesis) -> bool:
 def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> PoseHypothesis | None:
     """Return the nearest place at which a thing is in nothing else, over a top or the floor; None within reach.
 
-    Furniture may hang where it is, if no top is near.
+    Furniture may hang where it is, if no top is near. What is fixed moves in the plane of its wall.
     """
     others = [obj for name, obj in scene.objects.items() if name != key]
     solids = [(Footprint.of(obj), solid_parts(obj)) for obj in others]
@@ -98,7 +106,16 @@ def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> P
                 places.append((float(T[2, 3]), T, np.asarray(half)))
     turns = np.linspace(0.0, 2.0 * math.pi, _TURNS, endpoint=False)
     steps = [(0.0, 0.0), *((r, turn) for r in np.arange(_STEP_M, reach_m, _STEP_M) for turn in turns)]
-    tried = []
+    tried: list[tuple[float, float, float, float]] = []
+    if guess.fixed:
+        places = []
+        for by_m, turn in steps:
+            aside_m, height_m = by_m * math.cos(turn), guess.bottom_m + by_m * math.sin(turn)
+            at = np.array([guess.x_m, guess.y_m]) + aside_m * np.array(
+                [-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)]
+            )
+            if height_m >= 0.0:
+                tried.append((by_m, float(at[0]), float(at[1]), height_m))
     for (by_m, turn), (height_m, T, half) in itertools.product(steps, places):
         at = np.array([guess.x_m + by_m * math.cos(turn), guess.y_m + by_m * math.sin(turn)])
         if (np.abs(T[:2, :2].T @ (at - T[:2, 3])) <= half - EDGE_M).all():

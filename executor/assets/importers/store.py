@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -107,10 +107,11 @@ def imported_asset(obj: SceneObject) -> Asset:
             size is not the asset's times one factor.
     """
     stored = stored_asset(obj)
-    if stored.kind != obj.kind.value:
-        raise AssetError(
-            obj, f"{obj.model} is {stored.kind}, a {obj.category} is {obj.kind.value}", f"use {stored.asset.category}"
-        )
+    # What is fixed to the room is still of the kind of its category.
+    kind = replace(obj, fixed=False).kind.value
+    if stored.kind != kind:
+        problem = f"{obj.model} is {stored.kind}, a {obj.category} is {kind}"
+        raise AssetError(obj, problem, f"use {stored.asset.category}")
     factors = [ours / its for ours, its in zip(obj.extent_m, stored.asset.extent_m, strict=True)]
     if max(factors) > (1 + _SAME_SHAPE) * min(factors):
         size = " x ".join(f"{value:.3f}" for value in stored.asset.extent_m)

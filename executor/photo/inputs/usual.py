@@ -7,17 +7,23 @@ from importlib import resources
 from typing import Any
 
 from executor.photo.inputs.annotations import plain_name
+from oag.model.symbols import Kind, is_known, kind_of
 
 _USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
 _CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
-_WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word.
+_OTHERWISE = frozenset(_USUAL["otherwise"]["names"])
+_WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word; a `wall cabinet` is furniture.
 
 
 def hung_depth_m(label: str) -> float | None:
     """Return how far a thing of a name usually stands out from its wall [m]; None where it does not usually hang."""
     words = _words(label)
     named: float | None = next((_USUAL["hangs"][one] for one in _endings(label) if one in _USUAL["hangs"]), None)
-    return _WALL_DEEP_M if named is None and _WALL in words[:-1] else named
+    if named is not None or _WALL not in words[:-1]:
+        return named
+    # The lexicon has a wall itself as furniture.
+    rest = "_".join(word for word in words if word != _WALL)
+    return None if is_known(rest) and kind_of(rest, 0.0) is not Kind.ITEM else _WALL_DEEP_M
 
 
 def carries(label: str) -> bool:
@@ -50,6 +56,10 @@ def _words(label: str) -> list[str]:
 
 
 def _endings(label: str) -> list[str]:
-    """Return the last two words of a name as one, and the last one, also without its plural's s."""
+    """Return the last two words of a name as one, and the last one, also without the endings of plurals.
+
+    Of names whose last word means something else there, it is both words only.
+    """
     words = _words(label)
-    return ["_".join(words[-2:]), words[-1], words[-1].removesuffix("s")]
+    both, last = ([one, one.removesuffix("s"), one.removesuffix("es")] for one in ("_".join(words[-2:]), words[-1]))
+    return both if not _OTHERWISE.isdisjoint(both) else [*both, *last]

@@ -2,23 +2,27 @@
 
 With depth, what hangs is near an upright plane that goes on around its box, and below it is that plane or something
 farther. Without, what hangs is on no top, and ends beyond everything that stands on the floor. Names that are usual on
-walls (`usual.toml`) decide where neither is sure, but for what is on a top.
+walls (`usual.toml`) decide where neither is sure, but for what is on a top or ends on the floor. Furniture hangs here
+only where a person says so.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.fitting.fit import fit_on_wall
-from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext
-from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models
+from executor.photo.fitting.refinement import with_parts
+from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import WALL, Detection
@@ -38,15 +42,20 @@ _STANDS_M = 0.15  # What ends lower stands on the floor.
 _ON_TOP_M = 0.06  # Between a thing's end and the top that it is on.
 _INNER = 0.1  # Share of a box's sides at its border that may show something else.
 _STRIP_SHARE, _FREE = 0.25, 0.6  # Of a box's height, looked at below it; share of it that carries nothing.
+_NEXT = 0.4  # Of what is looked at below a box: it shows the top that a thing is on, and not its front.
 _OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
 _USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
+_FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
 _DEEP_SHARE, _DEEP_M = 0.5, 0.08  # Of its sides, and most, of what nothing says how far it stands out.
 _BEYOND_M = 1.0  # Behind all furniture, what seems to be on the floor is on the wall.
+_LEAST_TALL_M = 0.5  # What is usual on walls stands on the floor only if it is so tall there: a clock, not a socket.
 _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
 
 
 def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
-    """Return the fit of a thing on a wall; None for what stands on something, and for furniture by its name.
+    """Return the fit of a thing on a wall; None for what stands on something.
+
+    Furniture by its name hangs only where a person says so, and is not fixed: it opens and carries things.
 
     Args:
         room: The estimate, which lacks the thing.
@@ -55,13 +64,20 @@ def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
     """
     detection = room.detections[index]
     usual_m = hung_depth_m(detection.label)
-    if detection.on not in (None, WALL) or (usual_m is None and is_furniture(detection)):
+    as_furniture = usual_m is None and is_furniture(detection)
+    if detection.on not in (None, WALL) or (as_furniture and detection.on is None):
         return None
-    if detection.on == WALL:
-        usual_m = _DEEP_M if usual_m is None else usual_m
-    if room.observation.has_depth:
-        return _by_depth(room, index, around, usual_m)
-    return _by_box(room, index, around, usual_m)
+    if detection.on == WALL and usual_m is None:
+        usual_m = _FURNITURE_DEEP_M if as_furniture else _DEEP_M
+    find = _by_depth if room.observation.has_depth else _by_box
+    found = find(room, index, around, usual_m)
+    if found is None or not as_furniture:
+        return found
+    guess = replace(found.guess, fixed=False)
+    named = [entry for entry in named_models(detection) if entry.model in LIBRARY]
+    entries = with_parts(named, detection.doors, detection.drawers)
+    models = (replace(guess, entry=entry, parameters=()) for entry in entries)
+    return replace(found, guess=next((one for one in models if raycaster_of(one) is not None), guess))
 
 
 def wall_behind(view: Observation, box_px: Box, walls: Sequence[Wall]) -> Wall | None:
@@ -110,8 +126,11 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     out_m, slack_m = _out_m(points, wall), _SIGMAS * float(np.median(view.depth_distortion_m[own]))
     # Glass and screens mirror: what seems to be behind its wall is on it.
     mirrors = float(np.median(out_m)) < -_WITHIN_M - slack_m
+    if float(np.median(out_m)) > _NEAR_M and detection.on != WALL:
+        return None
     below = _below(view, detection.box_px, wall, points)
-    if float(np.median(out_m)) > _NEAR_M or (mirrors and below != "wall") or (usual_m is None and below == "support"):
+    stands = below == "top" or (below == "open" and usual_m is None) or (mirrors and below != "wall")
+    if stands and detection.on != WALL:
         return None
     deep_m = _DEEP_M if mirrors else float(np.percentile(out_m, _OUT_PERCENTILE))
     if usual_m is not None:
@@ -126,8 +145,8 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     )
 
 
-def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal["wall", "farther", "support"]:
-    """Return what is below a box: its wall, something farther, or else what may carry the thing.
+def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal["wall", "farther", "top", "open"]:
+    """Return what is below a box: its wall, something farther, a top at its lower end, or what may be one.
 
     Args:
         view: The picture.
@@ -139,7 +158,7 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
     over_x, deep_px = _INNER * (x1 - x0), _STRIP_SHARE * (y1 - y0) + _RING_PX
     strip = _within(view, (x0 + over_x, y1 + 1.0, x1 - over_x, y1 + deep_px)) & view.measured
     if int(strip.sum()) < LEAST_POINTS:
-        return "support"
+        return "open"
     points, slack_m = view.points_m[strip], _WITHIN_M + _SIGMAS * view.depth_distortion_m[strip]
     lower = own_m[own_m[:, 2] <= np.percentile(own_m[:, 2], 30.0)]
     reach_m = float(np.median(np.linalg.norm(lower[:, :2], axis=1)))
@@ -148,7 +167,12 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
         return "farther"
     # Down the picture, a wall goes down, and a top comes nearer.
     down_m, nearer_m = (abs(float(np.cov(rows, values)[0, 1])) for values in (points[:, 2], out_m))
-    return "wall" if down_m > nearer_m and float((np.abs(out_m) < slack_m).mean()) > _FREE else "support"
+    if down_m > nearer_m and float((np.abs(out_m) < slack_m).mean()) > _FREE:
+        return "wall"
+    # Right below what stands its top is off the wall; farther down may be the front of that, or the wall again.
+    off_m = np.abs(points[:, 2] - np.percentile(own_m[:, 2], 5.0))
+    carries = (np.abs(out_m) > slack_m) & (off_m < _ON_TOP_M + slack_m - _WITHIN_M)
+    return "top" if float(carries[rows <= rows.min() + _NEXT * deep_px].mean()) > _SHARE else "open"
 
 
 def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
@@ -172,6 +196,11 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
         if foot is not None and float(foot @ toward) < ends_m + _BEYOND_M:
             return None
         if foot is None and not standing:
+            return None
+    elif foot is not None and detection.on != WALL:
+        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=_AT_NOTHING_M)
+        tall_m = (box_px[3] - box_px[1]) / view.K.fy * float(np.linalg.norm(foot))
+        if float(foot @ toward) < ends_m + _BEYOND_M and tall_m > _LEAST_TALL_M:
             return None
     far_m = _wall_m(room.detections, standing, box_px, toward)
     yaw_rad = min(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -16,10 +18,14 @@ from executor.photo.fitting.starts import generic_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, Detection, is_left_out
 from executor.photo.inputs.annotations import WALL as WALL_ITSELF
-from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow
+from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow, usual_height_m, usual_thickness_m
+from executor.photo.output import stands_on
+from executor.photo.overlaps import resolve_overlaps
+from executor.photo.pipeline import PhotoResult
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
+from executor.photo.yielding import YIELDS, yielding
 from oag.model.symbols import Kind
 from tests.executor.photo.test_fit import TABLE, seen_from_above
 
@@ -163,3 +169,88 @@ def test_a_person_may_say_that_something_hangs_or_that_it_does_not() -> None:
     seen, (_, panel) = seen_from_above(WALL, PANEL)
     (thing,) = reconstruct(seen, [replace(named("picture", panel), on=FLOOR)], ()).things
     assert not thing.fit.guess.fixed and thing.fit.guess.bottom_m == 0.0
+
+
+def test_furniture_on_a_wall_is_furniture_and_hangs_where_a_person_says_so() -> None:
+    assert hung_depth_m("wall cabinet") is hung_depth_m("wall shelf") is hung_depth_m("wall oven") is None
+    assert hung_depth_m("wall outlet") is not None
+    cabinet = replace(PANEL, x_m=2.82, bottom_m=1.0, size_m=(0.35, 0.6, 0.5))
+    seen, (_, box) = seen_from_above(WALL, cabinet)
+    detection = replace(named("wall cabinet", box), category="cabinet")
+    for view in (seen, flat(seen)):
+        found = reconstruct(view, [replace(detection, on=WALL_ITSELF)], ())
+        guess = found.things[0].fit.guess
+        assert not guess.fixed and guess.bottom_m > 0.4
+        assert found.things[0].fit.in_box > 0.5
+    found, made = scene_of(reconstruct(seen, [replace(detection, on=WALL_ITSELF)], ()), "drawn")
+    assert made.refused == "" and made.scene is not None
+    result = cast(PhotoResult, SimpleNamespace(found=found, made=made))
+    assert list(stands_on(result).values()) == ["wall"]
+    (hung,) = (one for one in made.scene.objects.values() if one.category != "wall")
+    assert hung.kind is Kind.ARTICULATED and hung.position[2] == pytest.approx(1.25, abs=0.1)
+
+
+@pytest.mark.parametrize("label", ["alarm clock", "calendar", "soap dispenser"])
+def test_what_stands_on_a_board_without_a_box_does_not_hang_by_its_name(label: str) -> None:
+    seen, (_, _, mug) = seen_from_above(WALL, BOARD, MUG)
+    (thing,) = reconstruct(seen, [named(label, mug)], ()).things
+    assert not thing.fit.guess.fixed
+    seen, (_, panel) = seen_from_above(WALL, PANEL)
+    (thing,) = reconstruct(seen, [named(label, panel)], ()).things
+    assert thing.fit.guess.fixed
+
+
+@pytest.mark.parametrize(("label", "bottom_m", "high_m"), [("grandfather clock", 0.0, 1.7), ("floor mirror", 0.0, 1.4)])
+def test_without_depth_what_ends_on_the_floor_does_not_hang_by_its_name(
+    label: str, bottom_m: float, high_m: float
+) -> None:
+    tall = PoseHypothesis(BOX, 2.6, -1.1, 0.0, bottom_m, (0.2, 0.4, high_m))
+    seen, (table, box) = seen_from_above(TABLE, tall)
+    things = reconstruct(flat(seen), [table, named(label, box)], ()).things
+    assert not things[1].fit.guess.fixed
+
+
+def test_without_depth_a_socket_near_the_floor_hangs() -> None:
+    socket = PoseHypothesis(BOX, 2.9, -1.1, 0.0, 0.3, (0.03, 0.1, 0.1))
+    seen, (table, box) = seen_from_above(TABLE, socket)
+    assert reconstruct(flat(seen), [table, named("socket", box)], ()).things[1].fit.guess.fixed
+
+
+def test_what_is_fixed_stays_in_the_plane_of_its_wall() -> None:
+    clock, picture = (replace(PANEL, y_m=y, fixed=True) for y in (0.1, 0.3))
+    room, _ = resolve_overlaps({"clock": clock, "picture": picture}, ())
+    assert {one.x_m for one in room.values()} == {PANEL.x_m}
+    assert abs(room["clock"].y_m - room["picture"].y_m) >= 0.36
+    item = replace(picture, fixed=False)
+    room, _ = resolve_overlaps({"clock": clock, "thing": item}, ())
+    assert room["clock"] == clock
+
+
+@pytest.mark.parametrize("number", range(len(YIELDS)))
+def test_what_physics_refuses_on_a_wall_keeps_its_back_there(on_wall: FittedRoom, number: int) -> None:
+    _, made = scene_of(on_wall, "drawn")
+    (thing,) = on_wall.things
+    assert made.scene is not None
+    other = replace(made.scene.objects["gadget_0"], id="other_0")
+    crowded = replace(made.scene, objects={**made.scene.objects, "other_0": other})
+    before = thing.fit.guess
+    guess = yielding(thing, crowded, crowded, number)
+    assert guess.fixed and guess.x_m + guess.size_m[0] / 2 == pytest.approx(before.x_m + before.size_m[0] / 2, abs=2e-3)
+
+
+def test_names_of_two_words_are_not_what_their_last_word_is_alone() -> None:
+    assert usual_height_m("desk phone") is None and usual_height_m("mobile phone") is not None
+    assert usual_height_m("toilet paper") is None and usual_height_m("paper") is not None
+    assert usual_thickness_m("bed frame") is None and usual_thickness_m("picture frames") is not None
+    assert not is_hollow("coffee pot") and not is_hollow("tea pots") and is_hollow("flower pots")
+    assert None not in {hung_depth_m(f"{one} board") for one in ("white", "bulletin", "notice", "dart")}
+    assert hung_depth_m("cutting board") is None
+    assert carries("boxes") and hung_depth_m("light switches") == hung_depth_m("switch")
+
+
+@pytest.mark.parametrize("above_m", [0.1, 0.3])
+def test_a_picture_above_a_sideboard_without_a_box_hangs(above_m: float) -> None:
+    sideboard = PoseHypothesis(BOX, 2.78, 0.1, 0.0, 0.0, (0.4, 1.2, 1.0 - above_m))
+    seen, (_, _, panel) = seen_from_above(WALL, sideboard, PANEL)
+    (thing,) = reconstruct(seen, [named("picture", panel)], ()).things
+    assert thing.fit.guess.fixed and thing.fit.guess.bottom_m == pytest.approx(1.0, abs=0.05)

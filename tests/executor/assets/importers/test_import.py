@@ -150,6 +150,13 @@ def test_what_a_scene_cannot_mean_is_refused(bottle_mesh: Path) -> None:
         asset_for(_as_object(imported, model="imported/../../secrets"))
 
 
+def test_what_is_imported_may_be_fixed_to_the_room_and_its_joints_resist_as_before(cabinet: Path) -> None:
+    obj = import_asset(cabinet, "cabinet_45001").as_object("cabinet_0")
+    free, fixed = asset_for(obj), asset_for(replace(obj, fixed=True))
+    assert fixed.joints == free.joints and all(joint.friction > 0.0 for joint in fixed.joints)
+    assert not fixed.handles and not fixed.regions
+
+
 def test_importing_twice_gives_the_same_asset(cabinet: Path) -> None:
     first, second = import_asset(cabinet, "one"), import_asset(cabinet, "two")
     assert first.stored.content == second.stored.content
