@@ -516,6 +516,13 @@ class _IntentBuilder(Placing):
 
         if not self.discourse.mentions and place.phrase.words == ("there",):
             raise Refusal("missing-place", "it does not say where to")
+
+        def is_beside(key: str) -> bool:
+            return key not in targets and bool(self._hosts(key))
+
+        if place.direction in SPOTS and any(map(is_beside, self.discourse.spoken)):
+            # Nothing can be put next to what stands on nothing else.
+            return Grounded(self._spoken_of(place.phrase, is_beside))
         return Grounded(self._spoken_of(place.phrase, fits))
 
     def _clear(self, command: Command, *, guess: bool) -> Mention:
