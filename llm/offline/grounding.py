@@ -502,9 +502,13 @@ class Grounding:
         )
         if not fitting:
             stands = alternatives((f"{key} is {self.around.support(key) or 'elsewhere'}" for key in things), "; ")
-            if phrase.load_at == "FROM" and all(self.around.scene.objects[key].role == "A" for key in ids):
+            fixed = all(self.around.scene.objects[key].role == "A" for key in ids)
+            if phrase.load_at == "FROM" and fixed:
                 raise Refusal("not-understood", f'it does not say what to do with the "{phrase}"')
-            raise Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+            refusal = Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+            # "The watch on the sofa with the cushion on it" says it of the sofa rather than of the watch.
+            refusal.decides = fixed
+            raise refusal
         return fitting, (*named.notes, *notes)
 
     def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:

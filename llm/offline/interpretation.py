@@ -209,7 +209,8 @@ class _IntentBuilder(Placing):
         if command.destination is None or place is None:
             intents = tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets)
             return Mention(intents, origin, as_one, self._is_plural(command.objects))
-        return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+        as_one = as_one or any(phrase.load for phrase in command.objects)
+        return Mention(self._placed(command, targets, place), origin, as_one, self._is_plural(command.objects))
 
     def _is_plural(self, phrases: Sequence[NounPhrase]) -> bool:
         """Decide whether the one name is a plural that names a single thing, such as "the keys"."""

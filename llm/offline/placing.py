@@ -135,6 +135,7 @@ class Placing(Housekeeping):
             raise Refusal(
                 "unsupported-relation",
                 f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
-                f'"{place.preposition}" {destination.object_id}',
+                f'"{place.preposition}" {destination.object_id}'
+                + ("" if place.other is None else f" and {place.other}"),
                 instead=near,
             )

@@ -176,6 +176,7 @@ class Command:
         text = verb + " and ".join(str(phrase) for phrase in self.objects)
         if self.source is not None:
             text += f" from {self.source.phrase}"
+            text += "" if self.source.other is None else f" and {self.source.other}"
         return text if self.destination is None else f"{text} {self.destination}"
 
 
