@@ -42,11 +42,6 @@ def test_no_thing_is_listed_under_a_name_twice() -> None:
         assert len(set(entry["names"])) == len(entry["names"]), key
 
 
-def test_a_cup_is_put_away_as_a_mug_is() -> None:
-    (usual,) = (entry for entry in tomllib.loads(TEXT)["usual"] if "mug" in entry["things"])
-    assert "cup" in usual["things"]
-
-
 def test_entries_and_kinds_agree() -> None:
     kinds = {key: kind_of(key, 0.0) for key in built_in().categories}
     vessels = {key for key, entry in built_in().categories.items() if entry.affordances.interior}
