@@ -30,8 +30,9 @@ class Mention:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Destinations, and the source."""
-        named = (*(intent.destination for intent in self.intents), self.source)
+        """Destinations, what things are put next to, and the source."""
+        beside = (intent.where.other or None if intent.where else None for intent in self.intents)
+        named = (*(intent.destination for intent in self.intents), *beside, self.source)
         return tuple(dict.fromkeys(key for key in named if key is not None))
 
 

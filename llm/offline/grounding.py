@@ -443,17 +443,19 @@ class Grounding:
             fitting = tuple(key for key, steps in zip(ids, there, strict=True) if any(steps[:depth]))
             if fitting:
                 return fitting, notes
-        unstated = "at a place that the scene does not state"
-        stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
             "wrong-place",
             f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
-            f"{alternatives(supports)}: {stands}",
+            f"{alternatives(supports)}: {self._stands(ids)}",
         )
 
+    def _stands(self, ids: Sequence[str]) -> str:
+        unstated = "at a place that the scene does not state"
+        return alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
+
     def _found_at_either(self, ids: tuple[str, ...], place: Location, other: NounPhrase) -> _Noted:
-        """Return the several things that are on or in one of two pieces of furniture."""
-        found: dict[str, None] = {}
+        """Return the several things of which some are on or in each of two pieces of furniture."""
+        found: set[str] = set()
         notes: tuple[str, ...] = ()
         for phrase in (place.phrase, other):
             host = self.one(phrase).object_id
@@ -464,8 +466,11 @@ class Grounding:
             except Refusal as refusal:
                 if refusal.code != "wrong-place":
                     raise
-                here, more = (), (f"nothing of it is on or in {host}",)
-            found |= dict.fromkeys(here)
+                nothing = Refusal("wrong-place", f"nothing of it is on or in {host}: {self._stands(ids)}")
+                # "From the desk and the bed" takes no bed along.
+                nothing.decides = True
+                raise nothing from None
+            found.update(here)
             notes += more
         if len(found) < 2:
             raise Refusal("wrong-place", f"{alternatives(ids)} are not several things {place}")
@@ -497,9 +502,13 @@ class Grounding:
         )
         if not fitting:
             stands = alternatives((f"{key} is {self.around.support(key) or 'elsewhere'}" for key in things), "; ")
-            if phrase.load_at == "FROM" and all(self.around.scene.objects[key].role == "A" for key in ids):
+            fixed = all(self.around.scene.objects[key].role == "A" for key in ids)
+            if phrase.load_at == "FROM" and fixed:
                 raise Refusal("not-understood", f'it does not say what to do with the "{phrase}"')
-            raise Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+            refusal = Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+            # "The watch on the sofa with the cushion on it" says it of the sofa rather than of the watch.
+            refusal.decides = fixed
+            raise refusal
         return fitting, (*named.notes, *notes)
 
     def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:

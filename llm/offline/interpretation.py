@@ -67,13 +67,15 @@ class _IntentBuilder(Placing):
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
-    called: dict[str, str] = field(default_factory=dict)
+    called: dict[str, tuple[str, int]] = field(default_factory=dict)
+    verbs: int = 0
 
     def __post_init__(self) -> None:
         self.start = self.grounding.around
 
     def add(self, command: Command, following: Command | None) -> None:
         """Append the intents of the next command; the one after it may state where things go."""
+        self.verbs += not command.carried
         if command.kind == "goto":
             reached = self.grounding.one(command.objects[0])
             self.notes += reached.notes
@@ -207,7 +209,8 @@ class _IntentBuilder(Placing):
         if command.destination is None or place is None:
             intents = tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets)
             return Mention(intents, origin, as_one, self._is_plural(command.objects))
-        return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+        as_one = as_one or any(phrase.load for phrase in command.objects)
+        return Mention(self._placed(command, targets, place), origin, as_one, self._is_plural(command.objects))
 
     def _is_plural(self, phrases: Sequence[NounPhrase]) -> bool:
         """Decide whether the one name is a plural that names a single thing, such as "the keys"."""
@@ -427,21 +430,26 @@ class _IntentBuilder(Placing):
     def _check_called(
         self, command: Command, phrase: NounPhrase, meant: Sequence[Grounded], called: dict[str, str]
     ) -> None:
-        """Refuse two names of one thing where each is to be moved; a pronoun is no name.
+        """Refuse two names of one thing where each of them is to be moved; a pronoun is no name.
 
-        "The ladle and the spoon" are two things, and "put the pan there and the frying pan here" moves two. "The white
-        cloth" of an earlier command can be "the same cloth" of a later one.
+        "The ladle and the spoon" are two things, and "put the pan there and the frying pan here" moves two. With a verb
+        of its own, a later command may call the thing otherwise: "put the milk there, then put the carton back".
         """
         if command.kind in ("open", "close") or phrase.pronoun or len(meant) != 1 or phrase.several:
             return
         key, name = meant[0].object_id, str(replace(phrase, location=None, load=()))
-        before, earlier = called.setdefault(key, name), name
-        if command.kind in ("place", "toss"):
-            earlier = self.called.setdefault(key, name)
-        if key not in (before, earlier, name) and (before != name or not _is_again(name, earlier)):
-            before = before if before != name else earlier
-            problem = f'"{before}" and "{name}" name two things, and the scene has {key} alone for both'
+        other, of_one_verb = called.setdefault(key, name), True
+        if other == name and command.kind in ("place", "toss"):
+            other, verb = self.called.get(key, (name, self.verbs))
+            of_one_verb = verb == self.verbs
+            self.called[key] = (other if of_one_verb else name, self.verbs)
+            other = name if _is_again(name, other) else other
+        if name == other or key in (name, other):
+            return
+        if of_one_verb:
+            problem = f'"{other}" and "{name}" name two things, and the scene has {key} alone for both'
             raise Refusal("several-objects", problem)
+        self.notes.append(f'"{name}" is taken for {key}, which is "{other}" before')
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
         """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
@@ -509,6 +517,13 @@ class _IntentBuilder(Placing):
 
         if not self.discourse.mentions and place.phrase.words == ("there",):
             raise Refusal("missing-place", "it does not say where to")
+
+        def is_beside(key: str) -> bool:
+            return key not in targets and bool(self._hosts(key))
+
+        if place.direction in SPOTS and any(map(is_beside, self.discourse.spoken)):
+            # Nothing can be put next to what stands on nothing else.
+            return Grounded(self._spoken_of(place.phrase, is_beside))
         return Grounded(self._spoken_of(place.phrase, fits))
 
     def _clear(self, command: Command, *, guess: bool) -> Mention:

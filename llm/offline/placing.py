@@ -21,6 +21,9 @@ SPOTS: Mapping[Direction, str] = {
     "INFRONT": "in front of",
 }
 
+# Other parts, such as the bottom, the back and the front, are of an interior as well.
+_PARTS_OF_A_TOP = frozenset({"middle", "center", "centre", "corner", "edge"})
+
 
 def placings(ids: Sequence[str], relation: Relation, place: str, where: Where | None = None) -> tuple[Intent, ...]:
     """Return the intents that put things at one place."""
@@ -71,6 +74,11 @@ class Placing(Housekeeping):
         can = self.grounding.around.affordances[where]
         if place.direction in ("INTO", "IN"):
             boards = self._is_in_by_on(where)
+            if self._is_on_top(place, destination):
+                self.notes.append(
+                    f'"{place.preposition} {where}" is taken for on top of it; "into" is into a drawer of it'
+                )
+                return "ontop"
             if (place.loose or boards) and can.surface and not can.interior:
                 return "ontop"
             if destination.by_surface:
@@ -110,6 +118,14 @@ class Placing(Housekeeping):
             self.notes.append(f'"{place.preposition} {where}" is taken for into it, since something stands above it')
         return "inside" if covered else None
 
+    def _is_on_top(self, place: Location, destination: Grounded) -> bool:
+        """Decide whether "in the middle of" is said of the top of what opens by drawers alone, and of no drawer."""
+        where = destination.object_id
+        entry = self.grounding.names.entries[self.grounding.around.scene.objects[where].category]
+        by_drawers = entry is not None and entry.affordances.fronts == {"drawer"} and entry.affordances.surface
+        of_a_top = not _PARTS_OF_A_TOP.isdisjoint(place.preposition.split())
+        return of_a_top and by_drawers and not destination.hollow and not place.phrase.door
+
     def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raise the refusal of a preposition that only distinguishes objects."""
         if place.direction in REFERENCE_DIRECTIONS:
@@ -119,6 +135,7 @@ class Placing(Housekeeping):
             raise Refusal(
                 "unsupported-relation",
                 f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
-                f'"{place.preposition}" {destination.object_id}',
+                f'"{place.preposition}" {destination.object_id}'
+                + ("" if place.other is None else f" and {place.other}"),
                 instead=near,
             )

@@ -147,6 +147,7 @@ class Command:
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
         stays: Whether its objects stay as they are, as in "but leave the mug on the table".
+        carried: Whether it has the verb of the command before it, as in "put the mug here and the cup there".
     """
 
     kind: CommandKind
@@ -155,6 +156,7 @@ class Command:
     destination: Location | None = None
     verbless: bool = False
     stays: bool = False
+    carried: bool = False
 
     def __str__(self) -> str:
         verbs = {
@@ -174,6 +176,7 @@ class Command:
         text = verb + " and ".join(str(phrase) for phrase in self.objects)
         if self.source is not None:
             text += f" from {self.source.phrase}"
+            text += "" if self.source.other is None else f" and {self.source.other}"
         return text if self.destination is None else f"{text} {self.destination}"
 
 
@@ -298,8 +301,10 @@ def _command(tree: Any) -> Command:
     if kind == "liked":
         # "I want the mug on the table" says where it shall be, and "from the table" which one it is.
         return Command("bring" if _only_from(objects) else "bare", objects)
-    if kind in ("also", "lying"):
-        return Command("place", objects, source, destination, verbless=kind == "lying")
+    if kind in ("also", "lying", "carried"):
+        return Command(
+            "place", objects, source, destination, verbless=kind == "lying", carried=kind in ("also", "carried")
+        )
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
 
 

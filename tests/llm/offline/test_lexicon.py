@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
 from importlib.resources import files
 from types import MappingProxyType
@@ -34,6 +35,11 @@ def test_no_name_of_a_thing_is_swallowed_by_another_class() -> None:
             # "Chest of drawers": a drawer is a noun as well, and names with "of" are put together again.
             assert {word.terminal for word in tokens} <= {"WORD", "DOOR", "OF"}, name
             assert not manner
+
+
+def test_no_thing_is_listed_under_a_name_twice() -> None:
+    for key, entry in tomllib.loads(TEXT)["categories"].items():
+        assert len(set(entry["names"])) == len(entry["names"]), key
 
 
 def test_entries_and_kinds_agree() -> None:
