@@ -63,7 +63,7 @@ class Unconstrained:
 class Unchecked(ModuleSession):
     """Take the first readable answer to each question."""
 
-    def ask(self, module, schema, check, places, images=(), *, about=None, entries=0):  # type: ignore[no-untyped-def]
+    def ask(self, module, schema, check, places, images=(), *, about=None, **_):  # type: ignore[no-untyped-def]
         """Return a module's answer, whatever it says."""
         return super().ask(module, schema, lambda _: (), places, images, about=about)
 

@@ -11,8 +11,8 @@ from oag.graph import feasible
 from oag.model.symbols import Kind
 from tests.bruteforce import Kinds, Part, World, act, allowed
 
-_FIRST = {Kind.ITEM: "cup_0", Kind.ARTICULATED: "fridge_0", Kind.SUPPORT: "table_0"}
-_SECOND = {Kind.ITEM: "apple_0", Kind.ARTICULATED: "cabinet_0", Kind.SUPPORT: "shelf_0"}
+_FIRST = {Kind.ITEM: "cup_0", Kind.ARTICULATED: "fridge_0", Kind.SUPPORT: "table_0", Kind.FIXED: "clock_0"}
+_SECOND = {Kind.ITEM: "apple_0", Kind.ARTICULATED: "cabinet_0", Kind.SUPPORT: "shelf_0", Kind.FIXED: "picture_0"}
 _KINDS = Kinds(frozenset({"cup_0", "apple_0", "can_0"}), frozenset({"fridge_0", "cabinet_0", "oven_0"}))
 
 
@@ -22,7 +22,9 @@ def _part(target: str) -> Part:
 
 def _fits(primitive: int, kind: Kind) -> bool:
     """What no state can change: only fixtures have joints, and furniture cannot be grasped."""
-    return kind is Kind.ARTICULATED if primitive in (4, 19) else primitive != 3 or kind is not Kind.SUPPORT
+    return (
+        kind is Kind.ARTICULATED if primitive in (4, 19) else primitive != 3 or kind not in (Kind.SUPPORT, Kind.FIXED)
+    )
 
 
 def _some_state_lets_both_run(first: int, second: int, one: str, other: str) -> bool:

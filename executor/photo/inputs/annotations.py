@@ -96,7 +96,11 @@ class Detection:
         if entry.model in GENERIC:
             return label
         known, own = (built_in().category_of(one) for one in (label, entry.category))
-        is_synonym = own is not None and known is own and label.replace("_", " ") in own.names
+        words = label.split("_")
+        names = () if own is None or known is not own else own.names
+        # A wine glass is called a glass too, and says more than that.
+        says_more = any(" ".join(words[start:]) in names for start in range(1, len(words)))
+        is_synonym = " ".join(words) in names and not says_more
         if not is_synonym and kind_of(label, smaller_side_m) is kind_of(entry.category, smaller_side_m):
             return label
         return written_category(label, entry)
