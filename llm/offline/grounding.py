@@ -505,10 +505,10 @@ class Grounding:
             fixed = all(self.around.scene.objects[key].role == "A" for key in ids)
             if phrase.load_at == "FROM" and fixed:
                 raise Refusal("not-understood", f'it does not say what to do with the "{phrase}"')
-            refusal = Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+            unheld = Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
             # "The watch on the sofa with the cushion on it" says it of the sofa rather than of the watch.
-            refusal.decides = fixed
-            raise refusal
+            unheld.decides = fixed
+            raise unheld
         return fitting, (*named.notes, *notes)
 
     def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
