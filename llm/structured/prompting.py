@@ -247,15 +247,15 @@ def scene_table(scene: Scene, only: Collection[str] | None = None, *, measures: 
     if len(shown) < len(scene.objects):
         ids = {thing.id for thing in shown}
         lines.append(_others([thing for thing in scene.objects.values() if thing.id not in ids]))
-    told = set(bddl.PREDICATES) if measures else {*CHANGEABLE}
+    predicates = set(bddl.PREDICATES) if measures else {*CHANGEABLE}
     if len({one.atom.args[-1] for one in stated if one.atom.predicate == "inroom"}) <= 1:
         # Where all is in one room, the room tells nothing.
-        told.discard("inroom")
-    facts = [bddl.format(fact) for fact in scene.facts if _is_listed(fact, scene, only, told)]
+        predicates.discard("inroom")
+    facts = [bddl.format(fact) for fact in scene.facts if _is_listed(fact, scene, only, predicates)]
     whole = len(shown) == len(scene.objects)
     nothing = "nothing is stated" + " that primitives change" * (not measures) + " of the listed objects" * (not whole)
     lines.append(f"at the start: {' '.join(facts) or nothing}")
-    closed = ", ".join(name for name in sorted(scene.closed) if name in told)
+    closed = ", ".join(name for name in sorted(scene.closed) if name in predicates)
     among = "" if whole else "among the listed objects, "
     known = f"{among}of {closed} everything true is listed; what is not listed is false"
     lines.append(known if closed else "the rest is unknown")
@@ -273,11 +273,11 @@ def _others(things: Sequence[SceneObject]) -> str:
     return f"{text}, and {more} more categories" if more > 0 else text
 
 
-def _is_listed(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, told: Collection[str]) -> bool:
-    """Decide whether a fact is about shown objects and told predicates alone."""
+def _is_listed(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, predicates: Collection[str]) -> bool:
+    """Decide whether a fact is about shown objects and given predicates alone."""
     atoms = bddl.atoms(fact)
     named = {name for atom in atoms for name in atom.args if name in scene.objects}
-    return (only is None or named <= {*only}) and all(atom.predicate in told for atom in atoms)
+    return (only is None or named <= {*only}) and all(atom.predicate in predicates for atom in atoms)
 
 
 def concerned(scene: Scene, named: Iterable[str]) -> frozenset[str]:
