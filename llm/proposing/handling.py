@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import bddl
 from llm.structured.conversation import finding
@@ -28,21 +28,15 @@ def concerns(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
 
     A plate in a refrigerator takes what lies on it along; a counter below a bowl has no part in it.
     """
-    near = {name for atom in _open_atoms(goal, scene) for name in atom.args}
-    rests = _rests(scene)
-    while more := {place for thing, place in rests if thing in near} - near:
-        near |= more
-    return frozenset(near)
+    named = {name for atom in _open_atoms(goal, scene) for name in atom.args}
+    return _with_carriers(named, _rests(scene))
 
 
 def needs_doors(goal: bddl.Formula, scene: Scene) -> bool:
     """Decide whether a goal asks for a door, puts something behind one, or takes it from there."""
     atoms = _open_atoms(goal, scene)
     behind = {atom.args[-1] for atom in atoms if atom.predicate in ("open", "inside")}
-    moved = {atom.args[0] for atom in atoms if atom.predicate in RESTING}
-    rests = _rests(scene)
-    while more := {place for thing, place in rests if thing in moved} - moved:
-        moved |= more
+    moved = _with_carriers({atom.args[0] for atom in atoms if atom.predicate in RESTING}, _rests(scene))
     concerned = (scene.objects.get(name) for name in behind | moved)
     return any(thing is not None and thing.kind is Kind.ARTICULATED for thing in concerned)
 
@@ -69,9 +63,7 @@ def handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene:
         if not literal.value or literal.atom.predicate not in RESTING or literal in facts:
             continue
         thing, where = literal.atom.args
-        along = {thing}
-        while more := {place for one, place in carriers if one in along and place != where} - along:
-            along |= more
+        along = _with_carriers({thing}, {pair for pair in carriers if pair[1] != where})
         item = scene.objects.get(thing)
         # What cannot be carried is a mistake of the goal, which the graph finds.
         if where != GRIPPER and item is not None and item.role == "B" and not any((one, where) in put for one in along):
@@ -83,6 +75,14 @@ def handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene:
 def has_place(thing: str, scene: Scene) -> bool:
     """Decide whether a scene says what a thing stands in or on."""
     return any(atom.args[0] == thing for fact in _stated(scene) for atom in bddl.atoms(fact) if _is_rest(fact))
+
+
+def _with_carriers(things: set[str], rests: Collection[tuple[str, str]]) -> frozenset[str]:
+    """Return things with what they stand in or on, what that stands in, and so on."""
+    found = set(things)
+    while more := {place for thing, place in rests if thing in found} - found:
+        found |= more
+    return frozenset(found)
 
 
 def _stated(scene: Scene) -> set[bddl.Formula]:

@@ -83,7 +83,7 @@ class Prompt:
         """Return the request for this prompt; after a refused answer it includes the findings about it."""
         messages = [Message((self.text, *self.images))]
         if refused is not None and refused.is_doubt:
-            # A small model that sees its reading writes it again: in 4 of 4 draws of Qwen2.5-Coder-1.5B.
+            # A small model that sees its reading writes it again: Qwen2.5-Coder-1.5B did so in each of three kitchens.
             messages = [Message((f"{self.text}\n{refused.doubt(schema)}", *self.images))]
         elif refused is not None:
             messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(schema),))]
