@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import bddl
 from llm.structured.conversation import finding
-from oag import Diagnostic, Scene, SimpleTask
+from llm.structured.prompting import formula_pattern
+from llm.structured.schema import Form, Pattern
+from oag import Diagnostic, Scene, SimpleTask, Task
+from oag.model.reading import UNREADABLE
 from oag.model.symbols import GRIPPER, Kind
 from oag.primitives.cargo import RESTING
+from oag.wellformed import kind_problem
 
 
 def stakes(goal: bddl.Formula, scene: Scene) -> bddl.Formula:
@@ -18,9 +22,18 @@ def stakes(goal: bddl.Formula, scene: Scene) -> bddl.Formula:
     """
     parts, stated, near = bddl.conjuncts(goal), _stated(scene), concerns(goal, scene)
     kept = [part for part in parts if part not in stated or any(near & {*atom.args} for atom in bddl.atoms(part))]
-    if len(kept) in (0, len(parts)):
-        return goal
-    return bddl.parse_formula(f"(and {' '.join(map(bddl.format, kept))})" if kept[1:] else bddl.format(kept[0]))
+    return goal if len(kept) in (0, len(parts)) else _conjunction(kept)
+
+
+def distinct(goal: bddl.Formula) -> bddl.Formula:
+    """Return a goal with each of its parts once; a small model that has begun to repeat one goes on with it."""
+    parts = bddl.conjuncts(goal)
+    kept = tuple(dict.fromkeys(parts))
+    return goal if len(kept) in (0, len(parts)) else _conjunction(kept)
+
+
+def _conjunction(parts: Sequence[bddl.Formula]) -> bddl.Formula:
+    return bddl.parse_formula(f"(and {' '.join(map(bddl.format, parts))})" if parts[1:] else bddl.format(parts[0]))
 
 
 def concerns(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
@@ -32,13 +45,74 @@ def concerns(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
     return _with_carriers(named, _rests(scene))
 
 
-def needs_doors(goal: bddl.Formula, scene: Scene) -> bool:
-    """Decide whether a goal asks for a door, puts something behind one, or takes it from there."""
+def doors(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
+    """Return the fixtures with a door that a goal asks for, behind which it puts something, or takes it from."""
     atoms = _open_atoms(goal, scene)
     behind = {atom.args[-1] for atom in atoms if atom.predicate in ("open", "inside")}
     moved = _with_carriers({atom.args[0] for atom in atoms if atom.predicate in RESTING}, _rests(scene))
-    concerned = (scene.objects.get(name) for name in behind | moved)
-    return any(thing is not None and thing.kind is Kind.ARTICULATED for thing in concerned)
+    concerned = [scene.objects[name] for name in behind | moved if name in scene.objects]
+    return frozenset(thing.id for thing in concerned if thing.kind is Kind.ARTICULATED)
+
+
+def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
+    """Return a task of what is known so far, for the checks of form."""
+    return Task("task", "", goal, True, tuple(subtasks), {}, scene)
+
+
+def role_forms(ids: Sequence[str], goal: bddl.Formula, scene: Scene) -> Sequence[Form]:
+    """Return the forms of a simple task by its kind: open or close a fixture, pick an item up, or put it down.
+
+    The name of a task tells its kind. Only a door that the goal concerns is opened. Only what has an inside, or on
+    which something lies at first or at the end, is the place of another item. What is put down may be picked up in the
+    same entry, from another place.
+
+    Args:
+        ids: The objects that are shown.
+        goal: The task goal.
+        scene: The scene.
+    """
+    concerned = doors(goal, scene)
+    items = [key for key in ids if scene[key].role == "B"]
+    atoms = (atom for formula in (*_stated(scene), goal) for atom in bddl.ground(formula, scene.categories).atoms)
+    carriers = {atom.args[-1] for atom in atoms if atom.predicate in RESTING}
+    places = [key for key in ids if scene[key].role == "A" or key in carriers or _is_hollow(key, scene)]
+    taken = {"task_activity_name": Pattern("^pick_up_[a-z0-9_]+$"), "target": items, "support_goal": [""]}
+    put = {"task_activity_name": Pattern("^put_[a-z0-9_]+$"), "target": items}
+    turned = {"task_activity_name": Pattern("^(open|close)_[a-z0-9_]+$"), "support_init": [""], "support_goal": [""]}
+    forms: list[Form] = [
+        {**turned, "target": [key for key in ids if key in concerned]},
+        {**taken, "support_init": places},
+        {**taken, "support_init": [""], "target": [key for key in items if not has_place(key, scene)]},
+        {**put, "support_init": [""], "support_goal": places},
+        *({**put, "support_init": [one], "support_goal": [key for key in places if key != one]} for one in places),
+    ]
+    return [form for form in forms if all(form.values())]
+
+
+def condition_forms(subtasks: Sequence[SimpleTask], ids: Sequence[str], scene: Scene) -> Sequence[Form]:
+    """Return the form of each simple task's conditions: its target is where its roles have it, and not elsewhere.
+
+    Args:
+        subtasks: The simple tasks with their roles.
+        ids: The objects that are shown.
+        scene: The scene.
+    """
+    forms = []
+    for number, part in enumerate(subtasks, start=1):
+        ends = {"init": part.support_init, "goal": part.support_goal}
+        item = scene[part.target].role == "B"
+        # Nothing is known of the place of an item that is picked up from nowhere.
+        free = not item or not any(ends.values())
+        patterns = {
+            which: formula_pattern(scene, ids) if free else formula_pattern(scene, ids, part.target, [end or GRIPPER])
+            for which, end in ends.items()
+        }
+        forms.append({"sub_task": [number], **{which: Pattern(f"^{one}$") for which, one in patterns.items() if one}})
+    return forms
+
+
+def _is_hollow(key: str, scene: Scene) -> bool:
+    return any(kind_problem(bddl.Atom("inside", (item, key)), scene) is None for item in scene.objects if item != key)
 
 
 def handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:

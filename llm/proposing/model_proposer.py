@@ -18,17 +18,10 @@ from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.planner import LONGEST_QUERY, OfflinePlanner
 from llm.offline.subtasks import check_sizes, problem, scale_factors
-from llm.proposing.modules import (
-    Understood,
-    decompose,
-    instantiate,
-    opens_its_target,
-    plan,
-    resize,
-    understand,
-)
+from llm.proposing.modules import decompose, instantiate, opens_its_target, plan, resize
 from llm.proposing.proposal import Proposal
 from llm.proposing.session import ModuleSession
+from llm.proposing.understanding import Understood, understand
 from llm.structured.ask import Log
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
 from llm.structured.prompting import CHANGEABLE
@@ -401,7 +394,7 @@ class ModelProposer:
         rounds: Most questions for one answer, while form and names are checked.
         revisions: Most times that the plan as a whole is returned.
         images: Pictures of the scene for module 1.
-        cross_check: Whether to ask the model once for confirmation if its goal differs from the literal reading of
+        cross_check: Whether to ask the model once which reading is meant if its goal differs from the literal one of
             the query. A query that the offline planner cannot read is not compared.
         sizing: Rule for the sizes of manipulated objects; module 4 is asked unless they are kept.
         listen: Called with every round.

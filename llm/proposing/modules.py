@@ -15,22 +15,19 @@ Source: the paper's modules.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 from pydantic import BeforeValidator, Field
 
 import bddl
-from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
-from llm.proposing.handling import handling_findings, has_place, needs_doors, stakes
-from llm.proposing.proposal import Expanded
+from llm.proposing.handling import bare_task, condition_forms, doors, handling_findings, has_place, role_forms
 from llm.proposing.session import ModuleSession, check_numbering
-from llm.structured.conversation import errors_of, finding
+from llm.proposing.understanding import Understood
+from llm.structured.conversation import finding
 from llm.structured.prompting import (
-    OTHER_READING,
     fenced,
     predicate_table,
     primitives_text,
@@ -38,30 +35,23 @@ from llm.structured.prompting import (
     subtask_table,
 )
 from llm.structured.schema import (
-    LONGEST_NAME,
     MOST_ACTIONS,
     MOST_SUBTASKS,
     UNASKED,
     ActivityName,
     Answer,
     Formula,
-    Line,
-    MaybeFormula,
     MaybeLine,
     MaybeObjectId,
     MaybeText,
     Number,
     ObjectId,
-    Remark,
     SubtaskAnswer,
-    Text,
     WireStep,
-    is_empty_remark,
 )
 from llm.structured.values import as_number
 from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
 from oag import flows as usual_flows
-from oag.model.diagnostics import TASK_GOAL
 from oag.model.reading import UNREADABLE, syntax_issues
 from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import subtask_place
@@ -73,11 +63,6 @@ def _involved(subtasks: Iterable[SimpleTask]) -> set[str]:
     return {key for part in subtasks for key in (part.target, part.support_init, part.support_goal) if key}
 
 
-def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
-    """Return a task of what is known so far, for the checks of form."""
-    return Task("task", "", goal, True, tuple(subtasks), {}, scene)
-
-
 def opens_its_target(found: Diagnostic, task: Task) -> bool:
     """Decide whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
     if found.code != "bddl/kind" or found.subtask is None:
@@ -87,148 +72,11 @@ def opens_its_target(found: Diagnostic, task: Task) -> bool:
     return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
 
 
-# Pattern of ids of a scene: letters, an underscore and a number.
-_ID = re.compile(r"\b[A-Za-z][A-Za-z0-9_]*_\d+\b")
-# Defaults for an answer that declares the query infeasible: it has no task to name.
-_NO_TASK = {"task_name": "nothing", "task_activity_name": "nothing", "task_message_detail": "", "goal": ""}
-
-
-class Understanding(Answer):
-    """The query in terms of the scene.
-
-    The fields are in the order of reasoning: a model that is asked for a problem first finds one before it has read
-    the scene, and a small one that has just written where things are writes that as the goal.
-    """
-
-    task_message_detail: Text = Field(
-        default="", description="where things are, one sentence", json_schema_extra={"maxLength": 240}
-    )
-    task_name: Line = Field(description="the wish in one line, every object named by its id")
-    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
-    goal: MaybeFormula = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
-    problem: Remark = Field(
-        default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
-    )
-
-    @classmethod
-    def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
-        """Convert an object to the requested form: with a problem, no other field is needed.
-
-        The paper calls the description `task_detail_message`, and its name is the activity's in words.
-        """
-        plain = super()._as_asked(data)
-        if "task_message_detail" not in plain and "task_detail_message" in plain:
-            plain["task_message_detail"] = plain["task_detail_message"]
-            plain.setdefault("task_name", str(plain.get("task_activity_name", "")).replace("_", " "))
-        if isinstance(plain.get("task_name"), str):
-            plain.setdefault("task_activity_name", _activity(str(plain["task_name"])))
-        problem = plain.get("problem")
-        if isinstance(problem, str) and not is_empty_remark(problem):
-            return {**_NO_TASK, **{key: value for key, value in plain.items() if value not in ("", None)}}
-        return plain
-
-
-def _activity(sentence: str) -> str:
-    """Return a sentence as the name of an activity: put_the_cup_into_the_drawer."""
-    words = "_".join(re.findall(r"[a-z0-9]+", sentence.lower()))[:LONGEST_NAME].strip("_")
-    return words if words[:1].isalpha() else f"task_{words}"
-
-
-@dataclass(frozen=True, slots=True)
-class Understood:
-    """Meaning of a query."""
-
-    expanded: Expanded
-    activity: str
-    goal: bddl.Formula
-
-    def about(self, scene: Scene) -> set[str]:
-        """Return the names that the goal at stake has once its quantifiers are expanded."""
-        goal = stakes(self.goal, scene)
-        return {name for atom in bddl.ground(goal, scene.categories).atoms for name in atom.args}
-
-    def text(self, scene: Scene) -> str:
-        """Return module 1's answer as text for the prompts of the later modules."""
-        lines = [
-            f"task_name: {self.expanded.task_name}",
-            f"task_message_detail: {self.expanded.task_message_detail}",
-            f"goal: {bddl.format(stakes(self.goal, scene))}",
-        ]
-        return fenced("task", "\n".join(lines))
-
-
-def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> Understood:
-    """Ask module 1 for the meaning of the query.
-
-    Args:
-        session: State shared by the modules.
-        expected: Goal of the literal reading of the query, if it can be read. A model with another goal is asked
-            once for confirmation.
-    """
-
-    confirmed: set[str] = set()
-
-    def check(answer: Understanding) -> Iterator[Diagnostic]:
-        # A remark at a goal that was asked about: small models comment on it there.
-        if answer.problem and answer.goal and answer.goal not in confirmed:
-            hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
-            yield finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint)
-        elif answer.goal or not answer.problem:
-            found = list(_understanding_findings(answer, session.scene, expected))
-            confirmed.update([answer.goal] * (not errors_of(found)))
-            yield from found
-        elif expected is not None:
-            literal = bddl.format(expected)
-            message = f"word by word the request asks for {literal}, which can be planned in this scene"
-            doubt = finding(OTHER_READING, message, "problem", severity="warning")
-            yield replace(doubt, fixes=(f"goal: {literal}",))
-
-    places = {"query": fenced("request", session.query), "predicates": predicate_table()}
-    answer = session.ask(1, Understanding, check, places, session.images)
-    if answer.problem and not answer.goal:
-        reason = " ".join(answer.problem.split()).rstrip(".")[:400]
-        raise QueryError("model-declined", session.query, f"the model says: {reason}")
-    expanded = Expanded(answer.task_name, answer.task_message_detail)
-    return Understood(expanded, answer.task_activity_name, bddl.parse_formula(answer.goal))
-
-
-def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -> Iterator[Diagnostic]:
-    for name in dict.fromkeys(_ID.findall(answer.task_name)):
-        if name not in scene.objects:
-            near = bddl.near_names(name, scene.objects)
-            hint = f"did you mean {' or '.join(near)}?" if near else f"the scene has {', '.join(scene.objects)}"
-            message = f"the scene {scene.name[:80]} has no object {name!r}"
-            yield finding("bddl/unknown-object", message, "task_name", hint=hint)
-    if not answer.goal:
-        yield finding("answer/empty-goal", "neither a goal nor a problem is given", "goal")
-        return
-    try:
-        goal = bddl.parse_formula(answer.goal)
-    except bddl.BDDLError as error:
-        yield from syntax_issues(error, TASK_GOAL)
-        return
-    malformed = check_form(bare_task(scene, goal=goal), scene)
-    yield from malformed
-    if malformed:
-        return
-    if not bddl.atoms(goal):
-        yield finding("answer/empty-goal", "the task goal speaks of nothing", TASK_GOAL)
-    elif compose(bare_task(scene, goal=goal), scene=scene).verify().verdict is Verdict.PROVED:
-        hint = "say what has to change; if the request asks for what is so already, say that under problem"
-        yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
-    if expected is not None and not bddl.equivalent(goal, expected, scene.categories):
-        literal = bddl.format(expected)
-        message = f"word by word the request asks for {literal}, and the goal is {bddl.format(goal)}"
-        hint = "check it against the request; names and categories of objects ask for nothing"
-        doubt = finding(OTHER_READING, message, TASK_GOAL, hint=hint, severity="warning")
-        yield replace(doubt, fixes=(f"goal: {literal}",))
-
-
 class SubtaskRoles(SubtaskAnswer):
     """One simple task before it has formulas; the paper's o_t, o_s1 and o_s2 are target, support_init, support_goal."""
 
     sub_task: Number = Field(description="1, 2, 3 and so on")
-    task_activity_name: ActivityName = Field(description="such as pick_up_glass")
+    task_activity_name: ActivityName = Field(description="such as open_drawer, pick_up_glass or put_glass")
     task_detail_message: MaybeText = Field(default="", json_schema_extra=UNASKED)
     target: ObjectId = Field(description="id of the object that is acted on")
     support_init: MaybeObjectId = Field(
@@ -261,18 +109,19 @@ class Decomposition(Answer):
     sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
     def resolved(self) -> Decomposition:
-        """Return the decomposition in which an entry that picks up and puts down is two."""
+        """Return the decomposition in which an entry that picks up and puts down is two, or one for what is held."""
         entries: list[SubtaskRoles] = []
-        held = ""
+        held: tuple[str, str | None] = ("", "")
         for entry in self.sub_tasks:
             target, (start, end) = entry.target, entry.supports
-            if start and end and start != end and held != target:
+            if start and end and start != end and (target, start) != held:
                 taking = {"task_activity_name": f"pick_up_{target}", "support_goal": "", "task_detail_message": ""}
-                entries += [entry.model_copy(update=taking), entry.model_copy(update={"support_init": ""})]
-            else:
-                entries.append(entry)
-            held = target if start and not end else ""
-        if len(entries) == len(self.sub_tasks) or check_numbering(self.sub_tasks):
+                entries.append(entry.model_copy(update=taking))
+            if start and end and start != end:
+                entry = entry.model_copy(update={"support_init": ""})
+            entries.append(entry)
+            held = (target, start) if start and not end else ("", "")
+        if entries == self.sub_tasks or check_numbering(self.sub_tasks):
             return self
         numbered = [one.model_copy(update={"sub_task": n}) for n, one in enumerate(entries, start=1)]
         return self.model_copy(update={"sub_tasks": numbered})
@@ -288,24 +137,16 @@ class Decomposition(Answer):
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
     # A small model does what the example does: one with a door makes it open one.
-    doors = "door" if needs_doors(understood.goal, session.scene) else "bare"
+    example = "door" if doors(understood.goal, session.scene) else "bare"
     answer = session.ask(
         2,
         Decomposition,
         lambda given: _decomposition_findings(given, understood.goal, session.scene),
-        {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{doors}").strip()},
+        {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{example}").strip()},
         about=understood.about(session.scene),
-        forms=lambda ids: _forms(ids, session.scene),
+        forms=lambda ids: role_forms(ids, understood.goal, session.scene),
     )
     return answer.subtasks()
-
-
-def _forms(ids: Sequence[str], scene: Scene) -> Sequence[Mapping[str, Sequence[str]]]:
-    """Return the forms of a simple task: a fixture that opens, without supports, or an item."""
-    fixtures = [key for key in ids if kind_problem(bddl.Atom("open", (key,)), scene) is None]
-    items = [key for key in ids if scene[key].role == "B"]
-    forms = ({"target": fixtures, "support_init": [""], "support_goal": [""]}, {"target": items})
-    return [form for form in forms if form["target"]]
 
 
 def _decomposition_findings(answer: Decomposition, goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
@@ -377,9 +218,9 @@ def instantiate(
     session: ModuleSession, understood: Understood, subtasks: Sequence[SimpleTask]
 ) -> tuple[SimpleTask, ...]:
     """Ask module 3 for initial states and goals of the simple tasks; raises as `ModuleSession.ask` does."""
-    doors = "bare" if all(part.support_init or part.support_goal for part in subtasks) else "door"
+    example = "bare" if all(part.support_init or part.support_goal for part in subtasks) else "door"
     places = {
-        "example": render(f"proposing/module_3_{doors}").strip(),
+        "example": render(f"proposing/module_3_{example}").strip(),
         "task": understood.text(session.scene),
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "predicates": predicate_table(),
@@ -391,6 +232,7 @@ def instantiate(
         places,
         about=understood.about(session.scene) | _involved(subtasks),
         entries=len(subtasks),
+        forms=lambda ids: condition_forms(subtasks, ids, session.scene),
     ).added_to(subtasks)
 
 

@@ -16,8 +16,8 @@ from llm.offline.names import singulars
 from llm.offline.rereading import named_in
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import entries_of, errors_of, finding
-from llm.structured.prompting import Prompt, Refused, concerned, fenced, formula_pattern, render, scene_table
-from llm.structured.schema import Answer, SubtaskAnswer
+from llm.structured.prompting import Prompt, Refused, concerned, fenced, formula_pattern, one_of, render, scene_table
+from llm.structured.schema import Answer, Form, SubtaskAnswer
 from oag import Diagnostic, Scene
 from oag.sizes import TO_THE_AIM, Sizing
 
@@ -60,7 +60,9 @@ class ModuleSession:
         *,
         about: Iterable[str] | None = None,
         entries: int = 0,
-        forms: Callable[[Sequence[str]], Sequence[Mapping[str, Sequence[str]]]] = lambda _: (),
+        forms: Callable[[Sequence[str]], Sequence[Form]] = lambda _: (),
+        template: str = "",
+        readings: Sequence[str] = (),
     ) -> AnswerT:
         """Return a module's answer once `check` finds nothing wrong with it.
 
@@ -72,6 +74,8 @@ class ModuleSession:
             about: The objects that the question is about; None for what the query mentions.
             entries: How many entries the answer's list has; 0 where that is the answer's own.
             forms: Returns the alternatives of an entry (`wire_schema`) by the objects that are shown.
+            template: The template of a further question of the module; its answer does not replace the module's own.
+            readings: The formulas that can be answered; without any, all that can hold in the scene.
 
         Raises:
             AnswersRefused: No answer was valid.
@@ -79,9 +83,9 @@ class ModuleSession:
         """
         shown = mentioned(self.query, self.scene) if about is None else concerned(self.scene, about)
         table = scene_table(self.scene, shown, measures=module in _WITH_MEASURES)
-        text = render(f"proposing/module_{module}", scene=fenced("scene", table), **places)
+        text = render(f"proposing/{template or f'module_{module}'}", scene=fenced("scene", table), **places)
         prompt = Prompt(module, render("proposing/system"), text, images)
-        objection = self.objections.pop(module, None)
+        objection = None if template else self.objections.pop(module, None)
 
         def numbered(answer: AnswerT) -> Iterable[Diagnostic]:
             wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
@@ -99,10 +103,11 @@ class ModuleSession:
             standing=self._standing(module, schema) if objection is not None else None,
             ids=ids,
             entries=entries,
-            formulas=formula_pattern(self.scene, ids),
+            formulas=one_of(readings) if readings else formula_pattern(self.scene, ids),
             forms=forms(ids),
         )
-        self.taken[module] = (prompt, answer)
+        if not template:
+            self.taken[module] = (prompt, answer)
         return answer
 
     def _standing(self, module: int, schema: type[AnswerT]) -> AnswerT | None:

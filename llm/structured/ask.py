@@ -22,7 +22,7 @@ from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.structured import lenient
 from llm.structured.conversation import AnswersRefused, Conversation, Round, entries_of, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
-from llm.structured.schema import Answer, wire_schema
+from llm.structured.schema import Answer, Form, wire_schema
 from oag import Diagnostic
 from oag.model.codec import STRICT
 from oag.model.diagnostics import CODES
@@ -286,7 +286,7 @@ def ask(
     ids: Sequence[str] = (),
     entries: int = 0,
     formulas: str = "",
-    forms: Sequence[Mapping[str, Sequence[str]]] = (),
+    forms: Sequence[Form] = (),
 ) -> AnswerT:
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 

@@ -37,13 +37,12 @@ from oag.primitives.cargo import RESTING
 from oag.primitives.table import Context, Placement, effect, requirements
 from oag.wellformed import kind_problem
 
-OTHER_READING = "answer/other-reading"
-"""Code of a doubt: word by word the query means something else than an answer says."""
 # Longest part of a model's own answer that is sent back to it.
 _LONGEST_SHOWN = 12_000
 _MOST_FINDINGS = 12
 _TEMPLATES: Mapping[int, tuple[str, ...]] = {
-    **{number: ("proposing/system", f"proposing/module_{number}") for number in (1, 4, 5)},
+    1: ("proposing/system", "proposing/module_1", "proposing/module_1_reading"),
+    **{number: ("proposing/system", f"proposing/module_{number}") for number in (4, 5)},
     **{
         number: ("proposing/system", *(f"proposing/module_{number}{part}" for part in ("", "_door", "_bare")))
         for number in (2, 3)
@@ -82,10 +81,7 @@ class Prompt:
     ) -> ChatRequest:
         """Return the request for this prompt; after a refused answer it includes the findings about it."""
         messages = [Message((self.text, *self.images))]
-        if refused is not None and refused.is_doubt:
-            # A small model that sees its reading writes it again: Qwen2.5-Coder-1.5B did so in each of three kitchens.
-            messages = [Message((f"{self.text}\n{refused.doubt(schema)}", *self.images))]
-        elif refused is not None:
+        if refused is not None:
             messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(schema),))]
         return ChatRequest(
             self.system,
@@ -112,17 +108,6 @@ class Refused:
     findings: tuple[Diagnostic, ...]
     before: tuple[str, ...] = ()
     entries: tuple[int, ...] = ()
-
-    @property
-    def is_doubt(self) -> bool:
-        """Whether it is only asked whether the query means something else."""
-        return bool(self.findings) and all(found.code == OTHER_READING and found.fixes for found in self.findings)
-
-    def doubt(self, schema: Mapping[str, object]) -> str:
-        """Return the question whether another reading is meant, without the answer that is in doubt."""
-        readings = fenced("reading", "\n".join(fix for found in self.findings for fix in found.fixes))
-        findings = fenced("findings", "\n\n".join(map(str, (replace(found, fixes=()) for found in self.findings))))
-        return render("structured/doubt", findings=findings, reading=readings, form=form_of(schema))
 
     def text(self, schema: Mapping[str, object]) -> str:
         """Return the message to the model: the numbered findings, earlier failures, and what to write.
@@ -168,10 +153,7 @@ def template_sha256(module: int) -> str:
     names = _TEMPLATES.get(module)
     if names is None:
         return ""
-    texts = (
-        _template(name).template
-        for name in (*names, "structured/feedback", "structured/doubt", "structured/primitives")
-    )
+    texts = (_template(name).template for name in (*names, "structured/feedback", "structured/primitives"))
     return hashlib.sha256("\x00".join(texts).encode()).hexdigest()
 
 
@@ -364,29 +346,45 @@ def _either(item: str, fixture: str) -> str:
     return " / ".join(f"{kind}: {text}" for kind, text in (("item", item), ("fixture", fixture)) if text)
 
 
+_ESCAPED_SPACE = re.escape(" ")
 # More objects than these have no pattern. Of few objects a formula has some literals more than there are.
 _MOST_IN_PATTERN = 60
 _MORE_LITERALS = 4
 
 
-def formula_pattern(scene: Scene, ids: Sequence[str]) -> str:
+def formula_pattern(scene: Scene, ids: Sequence[str], target: str = "", places: Sequence[str] = ()) -> str:
     """Return the regular expression of formulas that can hold in a scene, for endpoints that follow a schema strictly.
 
     These are literals about what primitives change, and their conjunctions and disjunctions: a quantified goal is
     written out over the objects. It is empty where nothing can be written so, or there are many objects.
+
+    Args:
+        scene: The scene.
+        ids: The objects that may be named.
+        target: An item that is in or on nothing but `places`; it may be denied that it is elsewhere.
+        places: These places.
     """
     if len(ids) > _MOST_IN_PATTERN:
         return ""
-    items = [key for key in ids if scene[key].role == "B"]
-    atoms = [f"open {_one_of(doors)}" for doors in [_possible("open", [()], ids, scene)] if doors]
-    for predicate in sorted(RESTING) if items else ():
-        places = _possible(predicate, [(item,) for item in items], (*ids, GRIPPER), scene)
-        atoms += [f"{predicate} {_one_of(items)} {_one_of(places)}"] if places else []
-    if not atoms:
+    doors = _possible("open", [()], ids, scene)
+    items, everywhere = [key for key in ids if scene[key].role == "B"], [*ids, GRIPPER]
+    free = [key for key in items if key != target]
+    held = _rest_patterns(free, everywhere, scene) + (_rest_patterns([target], places, scene) if target else [])
+    denied = _rest_patterns(items, everywhere, scene)
+    opened = [f"open {one_of(doors)}"] if doors else []
+    if not opened + held:
         return ""
-    atom = rf"\(({'|'.join(atoms)})\)"
-    literal = rf"({atom}|\(not {atom}\))"
+    literal = rf"(\(({'|'.join(opened + held)})\)|\(not \(({'|'.join(opened + denied)})\)\))"
     return rf"({literal}|\((and|or)( {literal}){{2,{len(ids) + _MORE_LITERALS}}}\))"
+
+
+def _rest_patterns(items: Sequence[str], places: Sequence[str], scene: Scene) -> list[str]:
+    """Return the patterns of what some items may be in or on."""
+    patterns = []
+    for predicate in sorted(RESTING) if items else ():
+        admitted = _possible(predicate, [(item,) for item in items], places, scene)
+        patterns += [f"{predicate} {one_of(items)} {one_of(admitted)}"] if admitted else []
+    return patterns
 
 
 def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable[str], scene: Scene) -> list[str]:
@@ -398,8 +396,9 @@ def _possible(predicate: str, firsts: Sequence[tuple[str, ...]], lasts: Iterable
     ]
 
 
-def _one_of(names: Iterable[str]) -> str:
-    return f"({'|'.join(map(re.escape, names))})"
+def one_of(texts: Iterable[str]) -> str:
+    """Return the regular expression of one of some texts."""
+    return f"({'|'.join(re.escape(text).replace(_ESCAPED_SPACE, ' ') for text in texts)})"
 
 
 @cache

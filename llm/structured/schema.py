@@ -319,13 +319,21 @@ def _written(value: object) -> object:
     return {name: _written(part) for name, part in value if part or fields[name].json_schema_extra != UNASKED}
 
 
+class Pattern(str):
+    """The regular expression of the texts that a field admits."""
+
+
+# What some fields of an entry admit together: the texts, or their pattern.
+Form = Mapping[str, Pattern | Sequence[str] | Sequence[int]]
+
+
 def wire_schema(
     answer: type[Answer],
     ids: Sequence[str] = (),
     entries: int = 0,
     formulas: str = "",
     numbers: Sequence[int] = (),
-    forms: Sequence[Mapping[str, Sequence[str]]] = (),
+    forms: Sequence[Form] = (),
 ) -> dict[str, object]:
     """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
@@ -348,10 +356,14 @@ def wire_schema(
         listed |= {"minItems": count, "maxItems": count}
         if numbers:
             listed["items"]["properties"]["sub_task"]["enum"] = [*numbers]
+    forms = [form for form in forms if not numbers or {*form.get("sub_task", numbers)} & {*numbers}]
     if forms and answer.list_name and isinstance(properties, dict):
-        narrowed = [{"properties": {name: {"enum": [*values]} for name, values in form.items()}} for form in forms]
-        properties[answer.list_name]["items"][FORMS] = narrowed
+        properties[answer.list_name]["items"][FORMS] = [{"properties": _narrowed(form)} for form in forms]
     return written
+
+
+def _narrowed(form: Form) -> dict[str, object]:
+    return {name: {"pattern": one} if isinstance(one, Pattern) else {"enum": [*one]} for name, one in form.items()}
 
 
 def _flat(

@@ -12,7 +12,8 @@ from typing import Any
 
 import oag
 from llm.client.transport import ChatReply, ChatRequest
-from llm.proposing.modules import Conditions, Decomposition, Flows, Sizes, Understanding
+from llm.proposing.modules import Conditions, Decomposition, Flows, Sizes
+from llm.proposing.understanding import Understanding
 from llm.structured.schema import Answer
 from oag.sizes import PAPER_GRIPPER, scale_factor
 
@@ -90,7 +91,7 @@ def module_of(request: ChatRequest) -> int:
 def told(request: ChatRequest) -> str:
     """Return what the model was told of its earlier answer; empty when it is asked for the first time."""
     text = str(request.messages[-1].parts[0])
-    return text if len(request.messages) > 1 else "".join(text.partition("Another answer to this is in doubt")[1:])
+    return text if len(request.messages) > 1 else "".join(text.partition("one more question")[1:])
 
 
 def as_reply(answer: object) -> str:

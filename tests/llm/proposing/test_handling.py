@@ -8,9 +8,9 @@ import pytest
 
 import bddl
 import oag
-from llm.proposing.handling import concerns, handling_findings, has_place, needs_doors, stakes
+from llm.proposing.handling import concerns, condition_forms, doors, handling_findings, has_place, role_forms, stakes
 from llm.structured.prompting import formula_pattern
-from llm.structured.schema import wire_schema
+from llm.structured.schema import Form, Pattern, wire_schema
 from oag.model.reading import UNREADABLE
 
 FACTS = ["(ontop apple_0 plate_0)", "(inside plate_0 fridge_0)", "(not (open fridge_0))", "(not (open cabinet_0))"]
@@ -42,7 +42,7 @@ def goal(text: str) -> bddl.Formula:
 )
 def test_later_modules_read_what_is_at_stake(wanted: str, kept: str | None, door: bool) -> None:
     assert bddl.format(stakes(goal(wanted), SCENE)) == (kept or wanted)
-    assert needs_doors(goal(wanted), SCENE) is door
+    assert bool(doors(goal(wanted), SCENE)) is door
 
 
 def test_what_stands_on_a_plate_is_behind_its_door_and_a_counter_is_no_part() -> None:
@@ -109,14 +109,68 @@ def test_entries_that_are_asked_for_are_numbers_of_the_schema() -> None:
     assert standing.with_entries(others, (2,)) is others
 
 
+def fits(form: Form, entry: dict[str, object]) -> bool:
+    """Decide whether a form admits an entry."""
+    return all(
+        re.search(wanted, str(entry[name])) if isinstance(wanted, Pattern) else entry[name] in wanted
+        for name, wanted in form.items()
+    )
+
+
+@pytest.mark.parametrize(
+    ("wanted", "name", "target", "start", "end", "fit"),
+    [
+        ("(inside apple_0 bowl_0)", "open_fridge", "fridge_0", "", "", True),
+        ("(inside apple_0 bowl_0)", "pick_up_apple", "apple_0", "plate_0", "", True),
+        ("(inside apple_0 bowl_0)", "put_apple_into_bowl", "apple_0", "", "bowl_0", True),
+        # Picked up and put down in one entry.
+        ("(inside apple_0 bowl_0)", "put_apple_into_bowl", "apple_0", "plate_0", "bowl_0", True),
+        # The goal has nothing to do with the cabinet's door.
+        ("(inside apple_0 bowl_0)", "open_cabinet", "cabinet_0", "", "", False),
+        ("(inside apple_0 bowl_0)", "open_bowl", "bowl_0", "", "", False),
+        ("(inside apple_0 bowl_0)", "put_apple_into_bowl", "apple_0", "plate_0", "", False),
+        ("(inside apple_0 bowl_0)", "put_apple_back", "apple_0", "plate_0", "plate_0", False),
+        # Nothing lies in or on an apple, unless the goal says so.
+        ("(inside apple_0 bowl_0)", "pick_up_bowl", "bowl_0", "apple_0", "", False),
+        ("(ontop bowl_0 apple_0)", "put_bowl_on_apple", "bowl_0", "", "apple_0", True),
+        ("(inside apple_0 bowl_0)", "pick_up_apple", "apple_0", "", "", False),
+    ],
+)
+def test_the_roles_of_a_subtask_have_a_form_by_its_kind(
+    wanted: str, name: str, target: str, start: str, end: str, fit: bool
+) -> None:
+    entry = {"task_activity_name": name, "target": target, "support_init": start, "support_goal": end}
+    forms = role_forms(list(SCENE.objects), goal(wanted), SCENE)
+    assert any(fits(form, entry) for form in forms) is fit
+
+
+@pytest.mark.parametrize(
+    ("number", "start", "end", "fit"),
+    [
+        (1, "(ontop apple_0 plate_0)", "(not (ontop apple_0 plate_0))", True),
+        (1, "(ontop apple_0 plate_0)", "(inside apple_0 gripper)", True),
+        (1, "(ontop apple_0 plate_0)", "(inside apple_0 bowl_0)", False),
+        (1, "(ontop apple_0 table_0)", "(inside apple_0 gripper)", False),
+        (2, "(inside apple_0 gripper)", "(and (inside apple_0 bowl_0) (ontop bowl_0 cabinet_0))", True),
+        (2, "(inside apple_0 gripper)", "(ontop apple_0 cabinet_0)", False),
+        (3, "(open fridge_0)", "(not (open fridge_0))", True),
+        # The conditions of the first subtask are none for the second.
+        (2, "(ontop apple_0 plate_0)", "(not (ontop apple_0 plate_0))", False),
+    ],
+)
+def test_conditions_have_the_target_where_its_roles_do(number: int, start: str, end: str, fit: bool) -> None:
+    roles = subtasks(("apple_0", "plate_0", None), ("apple_0", None, "bowl_0"), ("fridge_0", None, None))
+    forms = condition_forms(roles, list(SCENE.objects), SCENE)
+    assert any(fits(form, {"sub_task": number, "init": start, "goal": end}) for form in forms) is fit
+
+
 def test_an_entry_is_of_a_fixture_or_of_an_item_where_a_server_follows_that() -> None:
     from llm.client.openai import chat_body
     from llm.client.profiles import find_profile
     from llm.client.transport import ChatRequest
-    from llm.proposing.modules import Decomposition, _forms
+    from llm.proposing.modules import Decomposition
 
-    forms = _forms(list(SCENE.objects), SCENE)
-    assert [form["target"] for form in forms] == [["fridge_0", "cabinet_0"], ["apple_0", "plate_0", "bowl_0"]]
+    forms = role_forms(list(SCENE.objects), goal("(inside apple_0 bowl_0)"), SCENE)
     request = ChatRequest.of("s", "q", json_schema=wire_schema(Decomposition, list(SCENE.objects), forms=forms))
     for name, known in (("llama-cpp:x", False), ("openai:gpt-4o", False), ("local:x", True)):
         body = chat_body(request, find_profile(name))

@@ -10,7 +10,8 @@ import pytest
 from pydantic import ValidationError
 
 from llm.client.transport import BOUNDS
-from llm.proposing.modules import Decomposition, Flows, Understanding
+from llm.proposing.modules import Decomposition, Flows
+from llm.proposing.understanding import Understanding
 from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
 from llm.structured.values import as_ordinal
 from oag import Primitive

@@ -12,7 +12,7 @@ import llm
 import oag
 from llm.client.transport import ChatReply
 from llm.errors import ModelTimeout
-from llm.proposing.modules import Understanding
+from llm.proposing.understanding import Understanding
 from llm.structured.ask import MOST_REPEATS, Log, ask
 from llm.structured.conversation import Conversation, finding
 from llm.structured.prompting import Prompt, Refused

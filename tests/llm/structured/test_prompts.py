@@ -86,7 +86,7 @@ def test_an_instruction_in_a_category_stays_inside_the_fence() -> None:
 def test_a_model_that_obeys_the_instruction_is_asked_whether_that_was_the_request() -> None:
     """The goal that the injected text dictates is not what the request says."""
     obeyed = {**T1[1], "goal": "(open refrigerator_0)", "task_name": "open refrigerator_0"}
-    script = Script(T1, {1: [Wrong(obeyed, "answer/other-reading")]})
+    script = Script(T1, {1: [Wrong(obeyed, "which reading of the request is meant")]})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("llm.proposing.model_proposer._word_by_word", lambda *_: bddl.parse_formula(T1[1]["goal"]))
         proposal = ModelProposer(script).propose(QUERIES["T1"], scene_of("T1"))
