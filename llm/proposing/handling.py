@@ -64,7 +64,7 @@ def role_forms(ids: Sequence[str], goal: bddl.Formula, scene: Scene) -> Sequence
 
     The name of a task tells its kind. Only a door that the goal concerns is opened. Only what has an inside, or on
     which something lies at first or at the end, is the place of another item. What is put down may be picked up in the
-    same entry, from another place.
+    same entry, from where it is at first.
 
     Args:
         ids: The objects that are shown.
@@ -72,20 +72,21 @@ def role_forms(ids: Sequence[str], goal: bddl.Formula, scene: Scene) -> Sequence
         scene: The scene.
     """
     concerned = doors(goal, scene)
-    items = [key for key in ids if scene[key].role == "B"]
-    atoms = (atom for formula in (*_stated(scene), goal) for atom in bddl.ground(formula, scene.categories).atoms)
-    carriers = {atom.args[-1] for atom in atoms if atom.predicate in RESTING}
+    homes = {item: place for item, place in _resting(scene) if place in ids}
+    atoms = bddl.ground(goal, scene.categories).atoms
+    carriers = {place for _, place in _resting(scene)} | {atom.args[-1] for atom in atoms if atom.predicate in RESTING}
     places = [key for key in ids if scene[key].role == "A" or key in carriers or _is_hollow(key, scene)]
-    taken = {"task_activity_name": Pattern("^pick_up_[a-z0-9_]+$"), "target": items, "support_goal": [""]}
-    put = {"task_activity_name": Pattern("^put_[a-z0-9_]+$"), "target": items}
     turned = {"task_activity_name": Pattern("^(open|close)_[a-z0-9_]+$"), "support_init": [""], "support_goal": [""]}
-    forms: list[Form] = [
-        {**turned, "target": [key for key in ids if key in concerned]},
-        {**taken, "support_init": places},
-        {**taken, "support_init": [""], "target": [key for key in items if not has_place(key, scene)]},
-        {**put, "support_init": [""], "support_goal": places},
-        *({**put, "support_init": [one], "support_goal": [key for key in places if key != one]} for one in places),
-    ]
+    forms: list[Form] = [{**turned, "target": [key for key in ids if key in concerned]}]
+    for item in (key for key in ids if scene[key].role == "B"):
+        others, home = [key for key in places if key != item], homes.get(item, "")
+        taken = {"task_activity_name": Pattern("^pick_up_[a-z0-9_]+$"), "target": [item], "support_goal": [""]}
+        put = {"task_activity_name": Pattern("^put_[a-z0-9_]+$"), "target": [item]}
+        # Where a scene does not tell what a thing is in or on, nobody can name it.
+        forms.append({**taken, "support_init": others if has_place(item, scene) else ["", *others]})
+        forms.append({**put, "support_init": [""], "support_goal": others})
+        if home:
+            forms.append({**put, "support_init": [home], "support_goal": [key for key in others if key != home]})
     return [form for form in forms if all(form.values())]
 
 
@@ -174,13 +175,17 @@ def _is_rest(fact: bddl.Formula) -> bool:
     return isinstance(fact, bddl.Atom) and fact.predicate in RESTING and len(fact.args) == 2
 
 
+def _resting(scene: Scene) -> set[tuple[str, str]]:
+    """Return what is stated to lie in or on something, with that."""
+    stated = (fact for fact in _stated(scene) if isinstance(fact, bddl.Atom) and _is_rest(fact))
+    return {(atom.args[0], atom.args[1]) for atom in stated}
+
+
 def _rests(scene: Scene) -> set[tuple[str, str]]:
     """Return what stands in something, or on an item, with that: it goes where that goes, or is behind its door."""
-    atoms = [fact for fact in _stated(scene) if isinstance(fact, bddl.Atom) and _is_rest(fact)]
-    found = set()
-    for atom in atoms:
-        thing, place = atom.args
-        holder = scene.objects.get(place)
-        if holder is not None and (atom.predicate == "inside" or holder.role == "B"):
-            found.add((thing, place))
-    return found
+    inside = {atom.args for fact in _stated(scene) for atom in bddl.atoms(fact) if atom.predicate == "inside"}
+    return {
+        (thing, place)
+        for thing, place in _resting(scene)
+        if place in scene.objects and ((thing, place) in inside or scene[place].role == "B")
+    }

@@ -130,6 +130,8 @@ def fits(form: Form, entry: dict[str, object]) -> bool:
         ("(inside apple_0 bowl_0)", "open_bowl", "bowl_0", "", "", False),
         ("(inside apple_0 bowl_0)", "put_apple_into_bowl", "apple_0", "plate_0", "", False),
         ("(inside apple_0 bowl_0)", "put_apple_back", "apple_0", "plate_0", "plate_0", False),
+        ("(inside apple_0 bowl_0)", "put_apple_away", "apple_0", "bowl_0", "table_0", False),
+        ("(inside apple_0 bowl_0)", "put_bowl_into_bowl", "bowl_0", "", "bowl_0", False),
         # Nothing lies in or on an apple, unless the goal says so.
         ("(inside apple_0 bowl_0)", "pick_up_bowl", "bowl_0", "apple_0", "", False),
         ("(ontop bowl_0 apple_0)", "put_bowl_on_apple", "bowl_0", "", "apple_0", True),
