@@ -98,7 +98,7 @@ def condition_forms(subtasks: Sequence[SimpleTask], ids: Sequence[str], scene: S
         ids: The objects that are shown.
         scene: The scene.
     """
-    forms = []
+    forms: list[Form] = []
     for number, part in enumerate(subtasks, start=1):
         ends = {"init": part.support_init, "goal": part.support_goal}
         item = scene[part.target].role == "B"
