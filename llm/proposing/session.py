@@ -17,7 +17,7 @@ from llm.offline.rereading import named_in
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import entries_of, errors_of, finding
 from llm.structured.prompting import Prompt, Refused, concerned, fenced, formula_pattern, one_of, render, scene_table
-from llm.structured.schema import Answer, Form, SubtaskAnswer
+from llm.structured.schema import Admitted, Answer, Form, SubtaskAnswer
 from oag import Diagnostic, Scene
 from oag.sizes import TO_THE_AIM, Sizing
 
@@ -73,7 +73,7 @@ class ModuleSession:
             images: Pictures of the question.
             about: The objects that the question is about; None for what the query mentions.
             entries: How many entries the answer's list has; 0 where that is the answer's own.
-            forms: Returns the alternatives of an entry (`wire_schema`) by the objects that are shown.
+            forms: Returns the alternatives of an entry (`Admitted`) by the objects that are shown.
             template: The template of a further question of the module; its answer does not replace the module's own.
             readings: The formulas that can be answered; without any, all that can hold in the scene.
 
@@ -92,6 +92,7 @@ class ModuleSession:
             return wrong or check(answer)
 
         ids = [key for key in self.scene.objects if key in shown]
+        formulas = one_of(readings) if readings else formula_pattern(self.scene, ids)
         answer = ask(
             self.transport,
             prompt,
@@ -101,10 +102,7 @@ class ModuleSession:
             log=self.log,
             objection=objection,
             standing=self._standing(module, schema) if objection is not None else None,
-            ids=ids,
-            entries=entries,
-            formulas=one_of(readings) if readings else formula_pattern(self.scene, ids),
-            forms=forms(ids),
+            admitted=Admitted(ids, entries, formulas, forms(ids)),
         )
         if not template:
             self.taken[module] = (prompt, answer)

@@ -22,7 +22,7 @@ from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.structured import lenient
 from llm.structured.conversation import AnswersRefused, Conversation, Round, entries_of, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
-from llm.structured.schema import Answer, Form, wire_schema
+from llm.structured.schema import ANYTHING, Admitted, Answer, wire_schema
 from oag import Diagnostic
 from oag.model.codec import STRICT
 from oag.model.diagnostics import CODES
@@ -283,10 +283,7 @@ def ask(
     log: Log,
     objection: Refused | None = None,
     standing: AnswerT | None = None,
-    ids: Sequence[str] = (),
-    entries: int = 0,
-    formulas: str = "",
-    forms: Sequence[Form] = (),
+    admitted: Admitted = ANYTHING,
 ) -> AnswerT:
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 
@@ -299,7 +296,7 @@ def ask(
         log: Record of every round.
         objection: An earlier answer to this prompt with the findings about it.
         standing: The same answer as it was read: where the objection is about some entries, the others stay.
-        ids, entries, formulas, forms: For the schema of the wire (`wire_schema`).
+        admitted: What the answer may name and say, for the schema of the wire.
 
     Raises:
         AnswersRefused: No answer was valid; the exception has the whole conversation.
@@ -311,7 +308,7 @@ def ask(
     for number in range(max(rounds, 1)):
         usual = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
         again = () if refused is None else refused.entries
-        wire = wire_schema(schema, ids, entries, formulas, again, forms)
+        wire = wire_schema(schema, admitted, again)
         request = prompt.request(wire, refused, _AFTER_REPEAT if repeats else usual)
         reply = transport.complete(request)
         answer, findings = _judged(reply, schema, check, standing, again)
@@ -339,7 +336,7 @@ def ask(
             standing = answer
             shown = answer.shown() if again or answer.resolved() is not answer else reply.text
             wrong = entries_of(found for found in findings if found.code != _REPEATED)
-        refused = Refused(shown, findings, tuple(dict.fromkeys(before)), wrong if len(wrong) < entries else ())
+        refused = Refused(shown, findings, tuple(dict.fromkeys(before)), wrong if len(wrong) < admitted.entries else ())
     if fallback is not None:
         return fallback
     raise AnswersRefused(log.conversation, prompt.module, findings, insists=repeats >= MOST_REPEATS)

@@ -16,6 +16,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Self, get_args, get_origin
 
 from pydantic import (
@@ -327,38 +328,52 @@ class Pattern(str):
 Form = Mapping[str, Pattern | Sequence[str] | Sequence[int]]
 
 
-def wire_schema(
-    answer: type[Answer],
-    ids: Sequence[str] = (),
-    entries: int = 0,
-    formulas: str = "",
-    numbers: Sequence[int] = (),
-    forms: Sequence[Form] = (),
-) -> dict[str, object]:
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """What an answer may name and say, for endpoints that hold a schema strictly.
+
+    Attributes:
+        ids: The objects that fields of ids may name; without any, or with very many, every text is legal.
+        entries: Length of the answer's list; 0 where it is not known.
+        formulas: Pattern of its formulas; without one every text is legal.
+        forms: Alternatives of an entry: what some of its fields admit together.
+    """
+
+    ids: Sequence[str] = ()
+    entries: int = 0
+    formulas: str = ""
+    forms: Sequence[Form] = ()
+
+
+ANYTHING = Admitted()
+"""No bounds besides those of the answer's fields."""
+
+
+def wire_schema(answer: type[Answer], admitted: Admitted = ANYTHING, numbers: Sequence[int] = ()) -> dict[str, object]:
     """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
     Bounds (`llm.client.transport.BOUNDS`) are sent to endpoints that know them, and checked when the answer arrives.
 
     Args:
         answer: The answer.
-        ids: The objects that fields of ids may name; without any, or with very many, every text is legal.
-        entries: Length of the answer's list; 0 where it is not known.
-        formulas: Pattern of its formulas; without one every text is legal.
+        admitted: What it may name and say.
         numbers: The entries that it has, where these are not all.
-        forms: Alternatives of an entry: what some of its fields admit together.
     """
     full = answer.model_json_schema()
-    written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else (), formulas)
+    ids = admitted.ids if len(admitted.ids) <= _MOST_IDS else ()
+    written = _flat(full, full.get("$defs", {}), ids, admitted.formulas)
     properties = written["properties"]
-    count = len(numbers) or entries
-    if count and answer.list_name and isinstance(properties, dict):
-        listed = properties[answer.list_name]
+    if not answer.list_name or not isinstance(properties, dict):
+        return written
+    listed = properties[answer.list_name]
+    count = len(numbers) or admitted.entries
+    if count:
         listed |= {"minItems": count, "maxItems": count}
-        if numbers:
-            listed["items"]["properties"]["sub_task"]["enum"] = [*numbers]
-    forms = [form for form in forms if not numbers or {*form.get("sub_task", numbers)} & {*numbers}]
-    if forms and answer.list_name and isinstance(properties, dict):
-        properties[answer.list_name]["items"][FORMS] = [{"properties": _narrowed(form)} for form in forms]
+    if numbers:
+        listed["items"]["properties"]["sub_task"]["enum"] = [*numbers]
+    forms = [form for form in admitted.forms if not numbers or {*form.get("sub_task", numbers)} & {*numbers}]
+    if forms:
+        listed["items"][FORMS] = [{"properties": _narrowed(form)} for form in forms]
     return written
 
 

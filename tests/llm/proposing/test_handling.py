@@ -10,7 +10,7 @@ import bddl
 import oag
 from llm.proposing.handling import concerns, condition_forms, doors, handling_findings, has_place, role_forms, stakes
 from llm.structured.prompting import formula_pattern
-from llm.structured.schema import Form, Pattern, wire_schema
+from llm.structured.schema import Admitted, Form, Pattern, wire_schema
 from oag.model.reading import UNREADABLE
 
 FACTS = ["(ontop apple_0 plate_0)", "(inside plate_0 fridge_0)", "(not (open fridge_0))", "(not (open cabinet_0))"]
@@ -96,7 +96,7 @@ def test_the_pattern_of_formulas_admits_what_kinds_admit() -> None:
 def test_entries_that_are_asked_for_are_numbers_of_the_schema() -> None:
     from llm.proposing.modules import Conditions, SubtaskConditions
 
-    listed = wire_schema(Conditions, entries=4, numbers=(2, 4))["properties"]["sub_tasks"]  # type: ignore[index]
+    listed = wire_schema(Conditions, Admitted(entries=4), (2, 4))["properties"]["sub_tasks"]  # type: ignore[index]
     assert listed["minItems"] == listed["maxItems"] == 2
     assert listed["items"]["properties"]["sub_task"]["enum"] == [2, 4]
 
@@ -173,7 +173,9 @@ def test_an_entry_is_of_a_fixture_or_of_an_item_where_a_server_follows_that() ->
     from llm.proposing.modules import Decomposition
 
     forms = role_forms(list(SCENE.objects), goal("(inside apple_0 bowl_0)"), SCENE)
-    request = ChatRequest.of("s", "q", json_schema=wire_schema(Decomposition, list(SCENE.objects), forms=forms))
+    request = ChatRequest.of(
+        "s", "q", json_schema=wire_schema(Decomposition, Admitted(list(SCENE.objects), forms=forms))
+    )
     for name, known in (("llama-cpp:x", False), ("openai:gpt-4o", False), ("local:x", True)):
         body = chat_body(request, find_profile(name))
         assert ('"anyOf"' in str(body.get("grammar", "")) or "'anyOf'" in str(body["messages"])) is known

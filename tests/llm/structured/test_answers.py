@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from llm.client.transport import BOUNDS
 from llm.proposing.modules import Decomposition, Flows
 from llm.proposing.understanding import Understanding
-from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
+from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, Admitted, wire_schema
 from llm.structured.values import as_ordinal
 from oag import Primitive
 from tests.json_edits import altered
@@ -54,7 +54,7 @@ def test_right_answers_fit_both_the_wire_and_the_reader(name: str, module: int) 
     """What is not asked for is read where it is given, and need not be."""
     answer = right_answers(name)[module]
     ids, entries = [*scene_of(name).objects], len(answer.get("sub_tasks", ()))
-    wire: Any = wire_schema(SCHEMAS[module], ids, entries)
+    wire: Any = wire_schema(SCHEMAS[module], Admitted(ids, entries))
     plain = asked_for(answer, wire)
     jsonschema.validate(plain, wire)
     SCHEMAS[module].model_validate(plain)
