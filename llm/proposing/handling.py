@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import bddl
 from llm.structured.conversation import finding
@@ -117,12 +118,22 @@ def _is_hollow(key: str, scene: Scene) -> bool:
 
 
 def handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
-    """Yield what the roles alone show: a thing that is put down but never picked up, or never put where it shall be."""
+    """Yield what the roles alone show.
+
+    A thing is picked up where it is not, is put down but never picked up, or is never put where it shall be.
+    """
     facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+    at_first = {(thing, place) for thing, home in _resting(scene) for place in _with_carriers({home}, _resting(scene))}
+    homes = dict(_resting(scene)) if scene.closed.issuperset(RESTING) else {}
     placed = {one.atom.args[0] for one in facts if one.value and one.atom.predicate in RESTING}
     taken = {one.atom.args[0] for one in facts if one.value and one.atom.args[1:] == (GRIPPER,)}
     for index, part in enumerate(subtasks):
         place = f"T{index + 1} {part.name}"
+        home, start = homes.get(part.target, ""), part.support_init or ""
+        if home and start in scene.objects and part.target not in taken and (part.target, start) not in at_first:
+            message = f"{part.target} is not picked up from {start}: it is at {home}"
+            found = finding("answer/not-there", message, place, subtask=index, hint=f"its support_init is {home}")
+            yield replace(found, fixes=(f'T{index + 1}: "target": "{part.target}", "support_init": "{home}"',))
         taken |= {part.target} if part.support_init else set()
         # Where a scene does not say what a thing stands in or on, nobody can name it.
         if part.support_goal and part.target in placed - taken:

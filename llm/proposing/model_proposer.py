@@ -114,9 +114,6 @@ def _is_offered(fix: Fix) -> bool:
 
 def _modules_of(fix: Fix, task: Task) -> Iterator[int]:
     """Yield the module that wrote what a fix changes; of several changes the earliest."""
-    if fix.kind != "several":
-        yield from filter(None, [_BY_FIX.get(fix.kind)])
-        return
     edits = list(fix.edits)
     for one, other in pairwise(fix.edits):
         if _has_other_conditions(one, other, task):
@@ -125,6 +122,8 @@ def _modules_of(fix: Fix, task: Task) -> Iterator[int]:
     roles = any((edit.target, edit.support_init, edit.support_goal) != (None, None, None) for edit in changed)
     if roles or any(isinstance(edit, InsertSubtask | DeleteSubtask | MoveSubtask | SwapSubtasks) for edit in edits):
         yield 2
+    elif fix.kind != "several":
+        yield from filter(None, [_BY_FIX.get(fix.kind)])
     elif changed or len(edits) < len(fix.edits):
         yield 3
     elif any(isinstance(edit, SetFlow) for edit in edits):

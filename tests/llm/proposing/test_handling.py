@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -72,6 +73,27 @@ def test_roles_alone_show_what_is_not_held_or_not_put(
 ) -> None:
     found = handling_findings(subtasks(*roles), goal(wanted), SCENE)
     assert [one.code for one in found] == codes
+
+
+@pytest.mark.parametrize(
+    ("roles", "codes"),
+    [
+        ([("apple_0", "table_0", None), ("apple_0", None, "bowl_0")], ["answer/not-there"]),
+        # It is on the plate, and so in the refrigerator.
+        ([("apple_0", "plate_0", None), ("apple_0", None, "bowl_0")], []),
+        ([("apple_0", "fridge_0", None), ("apple_0", None, "bowl_0")], []),
+        # Where it was put before.
+        ([("apple_0", "plate_0", "table_0"), ("apple_0", "table_0", None), ("apple_0", None, "bowl_0")], []),
+        # What the scene does not have is another finding.
+        ([("apple_0", "gripper", None), ("apple_0", None, "bowl_0")], []),
+    ],
+)
+def test_a_thing_is_picked_up_where_it_is(roles: list[tuple[str, str | None, str | None]], codes: list[str]) -> None:
+    known = replace(SCENE, closed=frozenset({"ontop", "inside"}))
+    found = [*handling_findings(subtasks(*roles), goal("(inside apple_0 bowl_0)"), known)]
+    assert [one.code for one in found] == codes
+    assert [one.fixes for one in found] == [('T1: "target": "apple_0", "support_init": "plate_0"',)] * len(codes)
+    assert not [*handling_findings(subtasks(*roles), goal("(inside apple_0 bowl_0)"), SCENE)]
 
 
 def test_a_thing_without_a_stated_place_may_be_put_down() -> None:
