@@ -7,7 +7,7 @@ has the action sequences that 18 language models wrote for VirtualHome (`action_
 programs that people wrote for the same tasks (`executable_programs`), and the graph of each task's home
 (`init_and_final_graphs`). Nothing of it is kept here, and nothing of it is executed.
 
-A home becomes a scene: what the plan names, what that stands on or lies in, and the floor. What can be grabbed is an
+A home becomes a scene: what the plan names, what that stands on or lies in, the floor, and furniture with a top. What can be grabbed is an
 item, what can be opened a fixture, anything else a support. Steps of the hand become simple tasks as the planner writes
 them: GRAB picks a thing up from where it then is, PUTBACK, PUTIN, PUTOBJBACK and PUTON (with a place) put it down,
 DROP and RELEASE put it on the floor, OPEN and CLOSE move a door. All others (WALK, FIND, SWITCHON, READ, ...) write
@@ -36,13 +36,14 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import bddl
 import oag
 from executor.campaign.rate import Rate
-from oag.model.symbols import GRIPPER, Kind, kind_of
+from oag.model.symbols import GRIPPER, Kind, kind_of, takes_things
 from oag.primitives.cargo import RESTING
 from oag.primitives.table import Placement
 from oag.verify.fix_subtasks import closing, opening, picking, placing
@@ -55,7 +56,9 @@ _HANDS = (*_PUT, *_LET_GO, "GRAB", "OPEN", "CLOSE")
 _FLOOR = "floor_0"
 # Categories that stand for others, which mean another kind here than there.
 _STANDS_FOR = {Kind.ITEM: "thing", Kind.ARTICULATED: "cabinet", Kind.SUPPORT: "table"}
-_SIDES_M = {Kind.ITEM: 0.05, Kind.ARTICULATED: 0.6, Kind.SUPPORT: 0.8}
+_SIDES_M = {Kind.ITEM: 0.03, Kind.ARTICULATED: 0.6, Kind.SUPPORT: 0.8}
+_FURNITURE = ("Furniture",)
+_VESSEL_SIDE_M = 0.05  # Of an item that others go into; a home has no sizes, and these stand in no way.
 
 
 class Outside(ValueError):
@@ -91,7 +94,7 @@ def plans(folder: Path, authors: Sequence[str]) -> Iterator[Plan]:
         if not authors or path.parent.name in authors:
             for name, entry in sorted(json.loads(path.read_text(encoding="utf-8")).items()):
                 # Where an action could not be read, it is no text.
-                lines = [line for line in entry["actions"] if isinstance(line, str)]
+                lines = [line for line in entry["actions"] or () if isinstance(line, str)]
                 if name in graphs and lines:
                     yield Plan(path.parent.name, name, tuple(map(_step, lines)), graphs[name])
     if authors and PEOPLE not in authors:
@@ -136,20 +139,27 @@ class Home:
         return oag.Scene.from_json(content)
 
 
+_Holders = dict[str, list[str]]
+
+
+@cache
+def _graph(path: Path) -> tuple[dict[str, dict[str, Any]], _Holders, _Holders]:
+    """Return the nodes of a home by number, and the numbers of what each is inside and on."""
+    graph = json.loads(path.read_text(encoding="utf-8"))["init_graph"]
+    holders: dict[str, _Holders] = {"INSIDE": {}, "ON": {}}
+    for edge in graph["edges"]:
+        if edge["relation_type"] in holders:
+            holders[edge["relation_type"]].setdefault(str(edge["from_id"]), []).append(str(edge["to_id"]))
+    return {str(node["id"]): node for node in graph["nodes"]}, holders["INSIDE"], holders["ON"]
+
+
 def home_of(plan: Plan) -> Home:
     """Return the home of a plan: what its hands touch, and what holds that.
 
     Raises:
         Outside: The plan names what the home lacks.
     """
-    graph = json.loads(plan.graph.read_text(encoding="utf-8"))["init_graph"]
-    nodes = {str(node["id"]): node for node in graph["nodes"]}
-    inside: dict[str, list[str]] = {}
-    on: dict[str, list[str]] = {}
-    for edge in graph["edges"]:
-        relations = {"INSIDE": inside, "ON": on}.get(edge["relation_type"])
-        if relations is not None:
-            relations.setdefault(str(edge["from_id"]), []).append(str(edge["to_id"]))
+    nodes, inside, on = _graph(plan.graph)
     home = Home(objects={_FLOOR: _object("floor", Kind.SUPPORT)})
 
     def add(number: str) -> str:
@@ -179,12 +189,17 @@ def home_of(plan: Plan) -> Home:
         if verb in _HANDS:
             for number in ids:
                 add(number)
+    for number, node in nodes.items():
+        if "SURFACES" in node["properties"] and node["category"] in _FURNITURE and _kind(node) is Kind.SUPPORT:
+            add(number)
     return home
 
 
 def _object(category: str, kind: Kind) -> dict[str, Any]:
     side_m = _SIDES_M[kind]
     known = kind_of(category, side_m) is kind
+    if known and kind is Kind.ITEM and takes_things(category, kind):
+        side_m = _VESSEL_SIDE_M
     return {"category": category if known else _STANDS_FOR[kind], "bbox_extent": [side_m, side_m, side_m]}
 
 
@@ -256,10 +271,8 @@ def read(plan: Plan, *, goal_given: bool = True) -> Reading:
         simulated.put(what, place)
     if not subtasks:
         raise Outside("still")
-    if len(in_hands) > 1:
-        raise Outside("two hands")
     moved = {part.target for part in subtasks}
-    parts = [f"(inside {item} {GRIPPER})" for item in in_hands]
+    parts = [f"(inside {item} {GRIPPER})" for item in in_hands[-1:]]
     parts += [f"({place.relation} {item} {place.support})" for item, place in rests.items() if item in moved]
     parts += [f"(open {key})" if is_open else f"(not (open {key}))" for key, is_open in ajar.items() if key in moved]
     content: dict[str, Any] = {
