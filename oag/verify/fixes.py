@@ -135,7 +135,7 @@ class FixSearch:
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(part))
         idle = after.trace is not None and bool(after.trace.vacuous)
-        worse = idle or candidate.assumption
+        worse = idle or candidate.assumption or self._aims_elsewhere(candidate, task, scene, after)
         order = (not fix.proves, worse, int(candidate.cost), mistake.number, candidate.rank)
         return Offer(fix, order, idle)
 
@@ -158,6 +158,16 @@ class FixSearch:
         if task.goal_given or not after or candidate.kind.startswith("change-"):
             return True
         return bool(_verified(replace(task, goal=self.report.task.goal), scene))
+
+    def _aims_elsewhere(self, candidate: Candidate, task: Task, scene: Scene, after: Report) -> bool:
+        """Decide whether a change makes the plan one for something else.
+
+        Where no goal is given, another object or condition moves the goal with it. A closed door or a full hand is no
+        sign that something else was meant.
+        """
+        if not after or task.goal_given or self.report.trace is None or not candidate.kind.startswith("change-"):
+            return False
+        return not _verified(replace(task, goal=self.report.task.goal), scene)
 
     def _remark(self, inserted: SimpleTask | None) -> str:
         """Return why an insertion would not work later in the plan."""
