@@ -7,16 +7,15 @@ has the action sequences that 18 language models wrote for VirtualHome (`action_
 programs that people wrote for the same tasks (`executable_programs`), and the graph of each task's home
 (`init_and_final_graphs`). Nothing of it is kept here, and nothing of it is executed.
 
-A home becomes a scene: what the plan names, what that stands on or lies in, the floor, and furniture with a top. What can be grabbed is an
-item, what can be opened a fixture, anything else a support. Steps of the hand become simple tasks as the planner writes
-them: GRAB picks a thing up from where it then is, PUTBACK, PUTIN, PUTOBJBACK and PUTON (with a place) put it down,
-DROP and RELEASE put it on the floor, OPEN and CLOSE move a door. All others (WALK, FIND, SWITCHON, READ, ...) write
-nothing that the predicates can say. The task goal is what the steps leave: places, doors, and the last thing in hand.
-With --no-goal the task states none.
+A home becomes a scene: what the plan names, what that stands on or lies in, the floor, and furniture with a top. What
+can be grabbed is an item, what can be opened a fixture, anything else a support. Steps of the hand become simple tasks
+as the planner writes them: GRAB picks a thing up from where it then is, PUTBACK, PUTIN, PUTOBJBACK and PUTON (with a
+place) put it down, DROP and RELEASE put it on the floor, OPEN and CLOSE move a door. All others (WALK, FIND, SWITCHON,
+READ, ...) write nothing that the predicates can say. The task goal is what the steps leave: places, doors, and in the
+hand the thing that was taken last. With --no-goal the task states none.
 
 A plan that is outside the language is counted and left out: none of its steps moves anything (still), it names what the
-home lacks (unknown), opens a thing to be carried or moves a fixture (kind), or ends with two things in hand (two hands),
-which no plan for one hand can.
+home lacks (unknown), or it opens a thing to be carried or moves a fixture (kind).
 
 Halves are drawn by a hash of the task's name, so that all plans of a task are in one: a half is for tuning, the other
 for judging once.
@@ -89,7 +88,9 @@ class Plan:
 
 def plans(folder: Path, authors: Sequence[str]) -> Iterator[Plan]:
     """Yield the plans of some authors whose homes there are: of the named ones, else of all models and people."""
-    graphs = {path.stem.removeprefix("file"): path for path in sorted(folder.glob("**/init_and_final_graphs/**/*.json"))}
+    graphs = {
+        path.stem.removeprefix("file"): path for path in sorted(folder.glob("**/init_and_final_graphs/**/*.json"))
+    }
     for path in sorted(folder.glob("action_sequencing/*/error_info.json")):
         if not authors or path.parent.name in authors:
             for name, entry in sorted(json.loads(path.read_text(encoding="utf-8")).items()):
@@ -376,7 +377,9 @@ def main() -> None:
         times_s.append(took_s)
         if options.show and (not kind or took_s > 1.0):
             words = "; ".join(part.name for part in reading.task.subtasks)
-            print(f"{kind or 'NO FIX'} in {took_s:.2f} s, {plan.author} {plan.name}: {words}\n  goal {reading.task.goal}")
+            print(
+                f"{kind or 'NO FIX'} in {took_s:.2f} s, {plan.author} {plan.name}: {words}\n  goal {reading.task.goal}"
+            )
             print(f"  {len(report.errors)} errors: {first.message.splitlines()[0]}")
     refuted = len(times_s)
     print(f"outside {dict(outside)}, verdicts {dict(verdicts)}, agree {agreed} of {verdicts.total()}")

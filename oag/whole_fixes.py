@@ -18,8 +18,8 @@ from oag.verify.verify import Report, Verdict, verify
 def find_all_fixes(report: Report) -> tuple[Fix, ...]:
     """Return the verified repairs of a refuted plan, as `find_fixes` does.
 
-    Where each of them leaves an error of a well-formed plan, a repair of the whole plan comes first, if the scene admits
-    one. It reaches the task goal, or what the subtasks aim at where none is given.
+    Where each of them leaves an error of a well-formed plan, a repair of the whole plan comes first, if the scene
+    admits one. It reaches the task goal, or what the subtasks aim at where none is given.
     """
     fixes = find_fixes(report)
     # A fix that leaves no error, only unknown facts, does not invent what the plan did not rest on.

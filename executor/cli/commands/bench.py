@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -18,7 +19,7 @@ import tyro
 from bddl.terminal import pluralize
 from executor.cli.engines import EngineOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ResultsFolder, RobotName
+from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ModelOptions, ResultsFolder, RobotName
 from executor.cli.output import ERR, OUT, Pace, bar, print_json, say, tell
 
 if TYPE_CHECKING:
@@ -62,9 +63,11 @@ class Options(EngineOptions):
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False
-    """Run units once more whose process crashed, hung, or met a mistake of the program."""
+    """Run units once more whose process crashed, hung, or met a mistake of the program, or whose model gave no
+    reply."""
     limit_s: float = 900.0
     """Wall time that a unit may take before its process is ended."""
+    asked: ModelOptions = field(default_factory=ModelOptions)
 
 
 WORKER = "executor.bench.worker"
@@ -76,15 +79,22 @@ def execute(options: Options) -> int:
     from executor.bench.tables import bench_json, write_results
     from executor.bench.units import BenchSetting, Series
     from executor.campaign.engine import Campaign, claimed, is_done, pending
+    from executor.campaign.planning_model import ModelWatch, used_in, why_stopped
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
+    from executor.cli.planning import budget_of, planned_by_model
     from executor.scenes.generators.families import FAMILIES
 
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
     setting = BenchSetting(
-        options.flows, options.evolve, options.keep_sizes, options.full_size, robot=options.robot or ""
+        options.flows,
+        options.evolve,
+        options.keep_sizes,
+        options.full_size,
+        robot=options.robot or "",
+        model=planned_by_model(options.asked, options.workers),
     )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
@@ -98,16 +108,26 @@ def execute(options: Options) -> int:
         return write_array(options, typed_words("bench", options, "families"), count, folder.path, options.workers)
     engine, interrupted = engine_of(options, outcome_version, renders=False), False
     with claimed(folder, units, shard, claim_wait_s(), again=options.again) as jobs:
+        watch = ModelWatch()
         left, narrow = {unit.id(version) for unit, _ in jobs}, _Narrow(folder, asked, options.until)
         try:
             with _progress(folder, asked, left, quiet=options.json) as on_progress:
 
                 def note(unit: Unit, result: Mapping[str, Any]) -> None:
+                    if not watch.note(result["ended"], (result.get("failure") or {}).get("kind")):
+                        return
                     narrow.note(unit, result)
                     on_progress(unit, result)
 
-                campaign = Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine)
-                campaign.run(jobs, note, wanted=narrow.wants)
+                campaign = Campaign(
+                    folder,
+                    WORKER,
+                    options.workers,
+                    options.limit_s,
+                    more=partial(budget_of, options.asked),
+                    engine=engine,
+                )
+                campaign.run(jobs, note, wanted=lambda unit: not watch.why and narrow.wants(unit))
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -119,11 +139,21 @@ def execute(options: Options) -> int:
     if shard.of > 1:
         hopeless = not is_done(folder, units, shard)
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
+    more: dict[str, object] = {}
+    if setting.model is not None:
+        more = {"usage": used_in(folder.path).record(), "stopped_by": watch.why}
     if options.json:
-        print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
+        print_json({"ok": code == DONE, "interrupted": interrupted, **more, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting, folder)
         say(f"results in {folder.path}: report.html, summary.json, units/")
+        if setting.model is not None:
+            say(f"models of the folder, all runs together: {used_in(folder.path).summary()}")
+        if watch.why:
+            tell(
+                f"scene2demo: stopped: {why_stopped(watch.why)}; finished units are kept, the same command goes on",
+                style="yellow",
+            )
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
         else:
@@ -227,6 +257,10 @@ def _checked(options: Options) -> Shard:
     )
     alone = options.until is None or (shard.of == 1 and options.slurm is None)
     check(alone, "--until", options.until, "no --shard and no --slurm: parts do not know of each other's units")
+    both = options.asked.model is not None and options.flows == "paper"
+    check(
+        not both, "--model", options.asked.model, "no --flows paper, which are written for the offline planner's plans"
+    )
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
     given = {

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -30,6 +31,7 @@ from executor.cli.options import (
     FullSize,
     KeepSizes,
     Maybe,
+    ModelOptions,
     Plain,
     RepairScene,
     ResultsFolder,
@@ -40,6 +42,7 @@ from executor.cli.output import ERR, Pace, bar, counting, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.campaign.engine import Campaign, Shard
+    from executor.campaign.planning_model import PlanningModel
     from executor.data.generation import EpisodeCallback, Goals, Limits, Tally
     from executor.data.store import EpisodeStore
     from executor.data.units import DemoSeries, DemoUnit
@@ -112,7 +115,9 @@ class Options(EngineOptions):
     shard: str = "1/1"
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
-    """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
+    """Make episodes once more whose process crashed, hung, or met a mistake of the program, or whose model gave no
+    reply."""
+    asked: ModelOptions = field(default_factory=ModelOptions)
 
 
 _BYTES_PER_GB = 10**9
@@ -125,6 +130,7 @@ def execute(options: Options) -> int:
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.cli.execution import read_shard
+    from executor.cli.planning import budget_of, planned_by_model
     from executor.data.generation import WORKER
     from executor.data.store import EpisodeStore
     from executor.data.views import check_drawable
@@ -132,6 +138,12 @@ def execute(options: Options) -> int:
     from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
+    model = planned_by_model(options.asked, options.workers)
+    if model is not None:
+        unlike = {"--repair": options.repair, "--flows paper": options.flows == "paper"}
+        for name in (name for name, given in unlike.items() if given):
+            raise BadOption("--model", options.asked.model, f"no {name}: that is for the offline planner's plans")
+        series = tuple(_with_model(one, model) for one in series)
     counted = next((one for one in series if one.successes is not None), None)
     check(
         counted is None or (shard.of == 1 and options.slurm is None),
@@ -161,7 +173,14 @@ def execute(options: Options) -> int:
         words = typed_words("generate", options, "what")
         return write_array(options, words, sum(one.episodes for one in series), options.out, options.workers)
     engine = engine_of(options, outcome_version, renders=renders)
-    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s, engine=engine)
+    campaign = Campaign(
+        EpisodeStore(options.out),
+        WORKER,
+        options.workers,
+        options.limit_s,
+        more=partial(budget_of, options.asked),
+        engine=engine,
+    )
     unvaried = {"unvaried": [one.first.origin.query for one in alike]}
     code = make_missing(
         campaign,
@@ -177,6 +196,14 @@ def execute(options: Options) -> int:
     with suppress(Scene2DemoError, OSError, ValueError, KeyError, TypeError):
         StoreListing(options.out).rows()
     return code
+
+
+def _with_model(one: DemoSeries, model: PlanningModel) -> DemoSeries:
+    """Return a series whose units a model plans."""
+    try:
+        return replace(one, first=replace(one.first, model=model))
+    except ValueError as problem:
+        raise BadOption("--model", model.name, str(problem)) from None
 
 
 def make_missing(
@@ -203,6 +230,7 @@ def make_missing(
         as_json: Whether the outcome is printed as JSON.
     """
     from executor.campaign.engine import WHOLE, claimed, is_done
+    from executor.campaign.planning_model import used_in
     from executor.campaign.versions import outcome_version
     from executor.data.generation import NO_LIMITS, Goals, Tally, generate
     from executor.data.store import EpisodeStore
@@ -224,6 +252,8 @@ def make_missing(
             except KeyboardInterrupt:
                 interrupted = True
     done = None if shard is None or shard.of == 1 else is_done(store, jobs, shard)
+    if any(one.first.model is not None for one in series):
+        more = {**more, "usage": used_in(store.path).record()}
     return finished(store, tally, more, interrupted=interrupted, done=done, as_json=as_json)
 
 
@@ -416,7 +446,9 @@ def finished(
         done: Of a part: whether it did its work, which decides the code instead; None of a whole request.
         as_json: Whether it is printed as JSON.
     """
+    from executor.campaign.planning_model import why_stopped
     from executor.cli.execution import command_line
+    from llm import Usage
 
     failed = tally.endings.total() > 0 and not tally.endings["succeeded"] if done is None else not done
     code = INTERRUPTED if interrupted else FAILED if failed else DONE
@@ -438,10 +470,12 @@ def finished(
         say(f"{'made now':11} {tally.made}, {numbers['kept_an_hour']} demonstrations an hour, {cost}")
     for kind, count in tally.kinds.most_common():
         say(f"{'failed':11} {count} x {kind}")
+    if "usage" in more:
+        say(f"{'model':11} {Usage(**more['usage']).summary()}")
     say(f"{'store':11} {store.path}; scene2demo view {store.path} shows each episode")
     if tally.endings["succeeded"] and not (interrupted or tally.stopped_by):
         say(f"{'next':11} {command_line('dataset audit', store.path)}")
     if interrupted or tally.stopped_by:
-        why = "interrupted" if interrupted else f"stopped: {tally.stopped_by} is used up"
+        why = "interrupted" if interrupted else f"stopped: {why_stopped(tally.stopped_by)}"
         tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")
     return code

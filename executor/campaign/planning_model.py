@@ -1,0 +1,243 @@
+"""Language models that plan the units of a campaign: what decides the units' ids, their recordings, one shared budget.
+
+    DIR/answers/NAME-ID.jsonl              what the model answered for a unit, written before it is used
+    DIR/answers/NAME-ID-conversation.json  its questions, findings and verdicts
+    DIR/answers/used.json                  what the models of the whole folder have used
+
+A unit that is made again asks nothing that was answered. Keys are read from the environment by each process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import StrictFloat, StrictInt
+
+import llm
+from bddl.errors import Scene2DemoError
+from executor.system.files import content_key, json_text, write_json
+from executor.system.workers import HandoverRefused
+from llm.client.budget import Usage
+from llm.client.recording import is_replay
+from llm.client.shared import usage_in
+from llm.structured.conversation import Spending
+from llm.structured.prompting import template_sha256
+from oag import Scene, Task
+from oag.sizes import Sizing
+
+ANSWERS, USED = "answers", "used.json"
+BUDGET_SPENT = "budget-spent"
+"""Ending of a unit that was not made, since the campaign's budget allows no further request."""
+MODEL_FAILED = "model-failed"
+"""Kind of failure of a unit whose model gave no reply; `--again` asks it again."""
+ANSWERS_REFUSED = "answers-refused"
+"""Kind of failure of a unit whose model gave no usable answer in the allowed rounds."""
+
+_MODULES = range(1, 6)
+
+
+def _templates() -> str:
+    """Return the key of the prompts of this program."""
+    return content_key(*map(template_sha256, _MODULES))
+
+
+@dataclass(frozen=True, slots=True)
+class PlanningModel:
+    """A language model that plans units.
+
+    Attributes:
+        name: Its configuration, such as "openai:gpt-5.2".
+        models: Module and configuration of its own model, in the order of modules.
+        temperature, seed: How it samples; None leaves it to the server.
+        templates: Key of the prompts; a program with others gives other units.
+    """
+
+    name: str
+    models: tuple[tuple[StrictInt, str], ...] = ()
+    temperature: StrictFloat | StrictInt | None = None
+    seed: StrictInt | None = None
+    templates: str = field(default_factory=_templates)
+
+    @property
+    def key(self) -> str:
+        """Return eight hexadecimal digits that differ for models that may answer otherwise."""
+        return content_key(json_text(asdict(self)))[:8]
+
+    @property
+    def label(self) -> str:
+        """Return its name with what differs from the usual, for tables."""
+        parts = [self.name, *(f"module {module} {name}" for module, name in self.models)]
+        parts += [] if self.temperature is None else [f"temperature {self.temperature:g}"]
+        parts += [] if self.seed is None else [f"model seed {self.seed}"]
+        return ", ".join(parts)
+
+
+Plan = Callable[[str, Scene, Sizing], Task]
+"""Takes a sentence, a scene and the rule for sizes, and returns the planned task."""
+
+
+def plan_offline(query: str, scene: Scene, sizing: Sizing) -> Task:
+    """Plan a sentence without a model; raises as `llm.propose` does."""
+    return llm.propose(query, scene, sizing=sizing).task
+
+
+@dataclass
+class ModelPlan:
+    """Plans one unit by its model.
+
+    Attributes:
+        model: The model.
+        place: Path of the recording, without its ending.
+        budget: Limits of the whole campaign.
+        spending: Its rounds, once it was asked.
+        repeats: Whether a unit is run again to be looked at, so that nothing is written.
+    """
+
+    model: PlanningModel
+    place: Path
+    budget: llm.Budget = field(default_factory=llm.Budget)
+    spending: Spending | None = None
+    repeats: bool = False
+
+    @classmethod
+    def of(cls, model: PlanningModel, folder: Path, unit_folder: str, request: Mapping[str, Any]) -> ModelPlan:
+        """Return what plans a unit that a process was asked for.
+
+        Args:
+            model: The unit's model.
+            folder: Folder of the campaign.
+            unit_folder: Name of the unit with the begin of its id.
+            request: The request to the process, with the campaign's budget.
+
+        Raises:
+            HandoverRefused: This program has other prompts.
+        """
+        if model.templates != _templates():
+            raise HandoverRefused("this machine's program has other prompts than the one that asks for the units")
+        return cls(model, folder / ANSWERS / unit_folder, llm.Budget(**request.get("budget", {})))
+
+    @classmethod
+    def repeated(cls, model: PlanningModel, recording: Path) -> ModelPlan:
+        """Return what plans a unit as it was planned before, without its model."""
+        named = model if is_replay(model.name) else replace(model, name=f"replay:{recording}", models=())
+        return cls(named, recording.with_suffix(""), repeats=True)
+
+    def __call__(self, query: str, scene: Scene, sizing: Sizing) -> Task:
+        """Plan a sentence; what was answered before is not asked again.
+
+        Raises:
+            QueryError, AnswersRefused: The model cannot plan it.
+            ModelError: It did not reply, or the campaign's budget is spent.
+        """
+        self.place.parent.mkdir(parents=True, exist_ok=True)
+        model = llm.connect(
+            self.model.name,
+            budget=self.budget,
+            record=None if is_replay(self.model.name) else self.place.with_name(f"{self.place.name}.jsonl"),
+            resume=True,
+            same_start=False,
+            models=dict(self.model.models),
+            temperature=self.model.temperature,
+            seed=self.model.seed,
+            shared=self.place.with_name(USED),
+        )
+        self.spending = Spending(model)
+        proposer = llm.ModelProposer(model, name=self.model.name, sizing=sizing, listen=self.spending.add_round)
+        try:
+            return proposer.propose(query, scene).task
+        finally:
+            if proposer.conversation is not None and not self.repeats:
+                write_json(
+                    self.place.with_name(f"{self.place.name}-conversation.json"), proposer.conversation.to_json()
+                )
+
+    def record(self) -> dict[str, Any]:
+        """Return what planning the unit took, also before an interruption; nothing before the model was asked."""
+        if self.spending is None:
+            return {}
+        rounds, costs = self.spending.rounds, [self.spending.cost_usd(entry) for entry in self.spending.rounds]
+        used = {
+            "requests": sum(entry.attempts for entry in rounds),
+            "input_tokens": sum(entry.input_tokens or 0 for entry in rounds),
+            "output_tokens": sum(entry.output_tokens or 0 for entry in rounds),
+            "cost_usd": None if None in costs else sum(cost for cost in costs if cost is not None),
+            "waited_s": round(sum(entry.latency_s for entry in rounds), 3),
+        }
+        return {"model": {"name": self.model.name, **used}}
+
+
+def planned_by(plan: Plan) -> dict[str, Any]:
+    """Return what a plan's model took, for a unit's record; nothing without a model."""
+    return plan.record() if isinstance(plan, ModelPlan) else {}
+
+
+def model_failure(problem: Scene2DemoError) -> dict[str, Any]:
+    """Return how a unit ends whose model gave no plan."""
+    if isinstance(problem, llm.BudgetSpent):
+        return {"ended": BUDGET_SPENT, "kind": BUDGET_SPENT, "message": str(problem)}
+    refused = isinstance(problem, llm.AnswersRefused)
+    kind = ANSWERS_REFUSED if refused else MODEL_FAILED
+    return {"ended": "failed" if refused else "error", "failure": {"kind": kind, "message": str(problem)}}
+
+
+NO_PLAN: tuple[type[Scene2DemoError], ...] = (llm.AnswersRefused, llm.ModelError)
+"""What `model_failure` says."""
+
+
+def used_in(folder: Path) -> Usage:
+    """Return what the models of a campaign have used, all runs together."""
+    return usage_in(folder / ANSWERS / USED) or Usage(cost_usd=0.0)
+
+
+def used_text(used: Mapping[str, Any]) -> str:
+    """Return what models took, in words."""
+    usage = Usage(
+        **{name: used[name] for name in ("requests", "input_tokens", "output_tokens", "cost_usd", "waited_s")},
+        elapsed_s=used["waited_s"],
+    )
+    return usage.summary()
+
+
+def sum_of(records: list[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Return the sum of what models took for some units (`ModelPlan.record`); None where none was asked."""
+    if not records:
+        return None
+    names = ("requests", "input_tokens", "output_tokens", "waited_s")
+    total: dict[str, Any] = {name: sum(each[name] for each in records) for name in names}
+    costs = [each["cost_usd"] for each in records]
+    return {**total, "cost_usd": None if None in costs else sum(costs)}
+
+
+@dataclass
+class ModelWatch:
+    """Sees that a campaign's model gives no more plans, after which no unit is begun.
+
+    Attributes:
+        why: `OUT_OF_BUDGET` or `NO_REPLIES`; empty while there are plans.
+    """
+
+    why: str = ""
+    _failed_in_a_row: int = 0
+
+    def note(self, ended: str, kind: str | None) -> bool:
+        """Look at how a unit ended; return whether it was made at all."""
+        if ended == BUDGET_SPENT:
+            self.why = OUT_OF_BUDGET
+            return False
+        self._failed_in_a_row = self._failed_in_a_row + 1 if kind == MODEL_FAILED else 0
+        if self._failed_in_a_row >= _MOST_FAILED_IN_A_ROW:
+            self.why = self.why or NO_REPLIES
+        return True
+
+
+OUT_OF_BUDGET, NO_REPLIES = "model budget", "model"
+# A dead server would otherwise fail every unit of a campaign in turn.
+_MOST_FAILED_IN_A_ROW = 3
+
+
+def why_stopped(reason: str) -> str:
+    """Return in words why a campaign stopped early, such as at a limit."""
+    return "the model gives no replies" if reason == NO_REPLIES else f"{reason} is used up"
