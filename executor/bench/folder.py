@@ -14,7 +14,7 @@ from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import result_of
-from executor.campaign.planning_model import ANSWERS, BUDGET_SPENT
+from executor.campaign.planning_model import ANSWERS, BUDGET_SPENT, EXCHANGES
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 
@@ -104,7 +104,7 @@ class BenchFolder:
 
     def answers(self, result: Mapping[str, Any]) -> Path:
         """Return the recording of what a unit's model answered."""
-        return self.path / ANSWERS / f"{result['name']}-{result['id'][:8]}.jsonl"
+        return self.path / ANSWERS / f"{result['name']}-{result['id'][:8]}" / EXCHANGES
 
     def keep(self, unit: Unit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
         """Write the outcome of a unit's process, and return the content of its file."""

@@ -1,15 +1,17 @@
 """Language models that plan the units of a campaign: what decides the units' ids, their recordings, one shared budget.
 
-    DIR/answers/NAME-ID.jsonl              what the model answered for a unit, written before it is used
-    DIR/answers/NAME-ID-conversation.json  its questions, findings and verdicts
+    DIR/answers/NAME-ID/exchanges.jsonl    what the model answered for a unit, written before it is used
+                        conversation.json  its questions, findings and verdicts
     DIR/answers/used.json                  what the models of the whole folder have used
 
-A unit that is made again asks nothing that was answered. Keys are read from the environment by each process.
+A unit that is made again asks nothing that was answered, also while a process of a killed campaign still plans it.
+Keys are read from the environment by each process.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from pydantic import StrictFloat, StrictInt
 
 import llm
 from bddl.errors import Scene2DemoError
+from executor.campaign.claims import exclusive_lock
 from executor.system.files import content_key, json_text, write_json
 from executor.system.workers import HandoverRefused
 from llm.client.budget import Usage
@@ -29,6 +32,7 @@ from oag import Scene, Task
 from oag.sizes import Sizing
 
 ANSWERS, USED = "answers", "used.json"
+EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
 BUDGET_SPENT = "budget-spent"
 """Ending of a unit that was not made, since the campaign's budget allows no further request."""
 MODEL_FAILED = "model-failed"
@@ -90,7 +94,7 @@ class ModelPlan:
 
     Attributes:
         model: The model.
-        place: Path of the recording, without its ending.
+        place: Folder of the unit's answers.
         budget: Limits of the whole campaign.
         spending: Its rounds, once it was asked.
         repeats: Whether a unit is run again to be looked at, so that nothing is written.
@@ -123,7 +127,7 @@ class ModelPlan:
     def repeated(cls, model: PlanningModel, recording: Path) -> ModelPlan:
         """Return what plans a unit as it was planned before, without its model."""
         named = model if is_replay(model.name) else replace(model, name=f"replay:{recording}", models=())
-        return cls(named, recording.with_suffix(""), repeats=True)
+        return cls(named, recording.parent, repeats=True)
 
     def __call__(self, query: str, scene: Scene, sizing: Sizing) -> Task:
         """Plan a sentence; what was answered before is not asked again.
@@ -132,11 +136,14 @@ class ModelPlan:
             QueryError, AnswersRefused: The model cannot plan it.
             ModelError: It did not reply, or the campaign's budget is spent.
         """
-        self.place.parent.mkdir(parents=True, exist_ok=True)
+        with nullcontext() if self.repeats else exclusive_lock(self.place):
+            return self._plan(query, scene, sizing)
+
+    def _plan(self, query: str, scene: Scene, sizing: Sizing) -> Task:
         model = llm.connect(
             self.model.name,
             budget=self.budget,
-            record=None if is_replay(self.model.name) else self.place.with_name(f"{self.place.name}.jsonl"),
+            record=None if is_replay(self.model.name) else self.place / EXCHANGES,
             resume=True,
             same_start=False,
             models=dict(self.model.models),
@@ -150,9 +157,7 @@ class ModelPlan:
             return proposer.propose(query, scene).task
         finally:
             if proposer.conversation is not None and not self.repeats:
-                write_json(
-                    self.place.with_name(f"{self.place.name}-conversation.json"), proposer.conversation.to_json()
-                )
+                write_json(self.place / CONVERSATION, proposer.conversation.to_json())
 
     def record(self) -> dict[str, Any]:
         """Return what planning the unit took, also before an interruption; nothing before the model was asked."""

@@ -20,7 +20,7 @@ from bddl.terminal import pluralize
 from executor.cli.engines import EngineOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ModelOptions, ResultsFolder, RobotName
-from executor.cli.output import ERR, OUT, Pace, bar, print_json, say, tell
+from executor.cli.output import ERR, OUT, Pace, bar, first_line, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.bench.folder import BenchFolder
@@ -135,7 +135,7 @@ def execute(options: Options) -> int:
     endings = Counter(result["ended"] for one in asked for result in folder.results(one))
     from executor.cli.execution import command_line
 
-    hopeless = endings.total() > 0 and not endings["succeeded"]
+    hopeless = (endings.total() > 0 or bool(watch.why)) and not endings["succeeded"]
     if shard.of > 1:
         hopeless = not is_done(folder, units, shard)
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
@@ -301,7 +301,7 @@ def _progress(
         def show_unit(unit: Unit, result: Mapping[str, Any]) -> None:
             endings[result["ended"]] += 1
             good, failure = result["ended"] == "succeeded", result.get("failure") or {}
-            words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
+            words = "succeeded" if good else f"{failure.get('kind')}: {first_line(failure.get('message'))}"
             done = endings.total()
             if not (shows_bar and good):
                 count = f"{done:{len(str(total))}} of {total}"

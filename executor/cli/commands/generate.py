@@ -38,7 +38,7 @@ from executor.cli.options import (
     RobotName,
     View,
 )
-from executor.cli.output import ERR, Pace, bar, counting, print_json, say, tell
+from executor.cli.output import ERR, Pace, bar, counting, first_line, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.campaign.engine import Campaign, Shard
@@ -402,7 +402,7 @@ def _show_progress(tally: Tally, goals: Goals, total: int, remaining: int, *, qu
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             good = result["ended"] == "succeeded"
-            words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
+            words = "succeeded" if good else f"{result.get('kind')}: {first_line(result.get('message'))}"
             tried, there = tally.endings.total(), goals.there if wanted else tally.endings.total()
             if not (shows_bar and good):
                 count = f"{there:{len(str(wanted or total))}} of {wanted or total}"
@@ -446,11 +446,12 @@ def finished(
         done: Of a part: whether it did its work, which decides the code instead; None of a whole request.
         as_json: Whether it is printed as JSON.
     """
-    from executor.campaign.planning_model import why_stopped
+    from executor.campaign.planning_model import NO_REPLIES, OUT_OF_BUDGET, why_stopped
     from executor.cli.execution import command_line
     from llm import Usage
 
-    failed = tally.endings.total() > 0 and not tally.endings["succeeded"] if done is None else not done
+    tried = tally.endings.total() > 0 or tally.stopped_by in (OUT_OF_BUDGET, NO_REPLIES)
+    failed = tried and not tally.endings["succeeded"] if done is None else not done
     code = INTERRUPTED if interrupted else FAILED if failed else DONE
     each = max(tally.kept, 1)
     numbers = {
