@@ -359,8 +359,8 @@ def main() -> None:
             continue
         try:
             reading = read(plan, goal_given=not options.no_goal)
-        except Outside as kind:
-            outside[str(kind)] += 1
+        except Outside as problem:
+            outside[str(problem)] += 1
             continue
         report = oag.compose(reading.task).verify()
         verdicts[report.verdict.value] += 1

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.bench.units import Unit
-from executor.campaign.planning_model import NO_PLAN, ModelPlan, Plan, model_failure, plan_offline, planned_by
+from executor.campaign.planning_model import ModelPlan, Plan, model_failure, plan_offline, planned_by
 from executor.campaign.versions import outcome_version
 from executor.records import PlanRefused, Rollout
 from executor.rollouts.evolution_record import Evolution
@@ -22,7 +22,7 @@ from executor.rollouts.run_record import describe_rollout
 from executor.scenes.generators.families import pair_of, with_paper_flows
 from executor.scenes.pair import ScenePair
 from executor.system.files import content_key, json_text
-from llm import QueryError
+from llm import AnswersRefused, ModelError, QueryError
 from oag import ObjectActionGraph, compose
 from oag.sizes import Sizing, resized_targets
 
@@ -117,7 +117,7 @@ def run_unit(
     }
     try:
         graph = _planned(unit, pair, plan) if ready is None else ready[1]
-    except (QueryError, *NO_PLAN) as problem:
+    except (QueryError, AnswersRefused, ModelError) as problem:
         if unit.setting.model is None:
             raise
         watch.lap("model")
