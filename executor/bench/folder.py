@@ -14,7 +14,7 @@ from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import result_of
-from executor.campaign.planning_model import ANSWERS, BUDGET_SPENT, EXCHANGES
+from executor.campaign.planning_model import ANSWERS, EXCHANGES, was_made
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 
@@ -109,8 +109,8 @@ class BenchFolder:
     def keep(self, unit: Unit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
         """Write the outcome of a unit's process, and return the content of its file."""
         result = result_of(outcome)
-        if result["ended"] == BUDGET_SPENT:
-            return {**unit.to_json(), **result}  # It was not made.
+        if not was_made(result):
+            return {**unit.to_json(), **result, "id": unit.id(version), "name": unit.name}
         return self.write(unit, version, result)
 
     def write(self, unit: Unit, version: str, result: Mapping[str, Any]) -> dict[str, Any]:

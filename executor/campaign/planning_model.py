@@ -19,13 +19,14 @@ from typing import Any
 from pydantic import StrictFloat, StrictInt
 
 import llm
-from bddl.errors import Scene2DemoError
+from bddl.files import is_disk_full
 from executor.campaign.claims import exclusive_lock
 from executor.system.files import content_key, json_text, write_json
 from executor.system.workers import HandoverRefused
 from llm.client.budget import Usage
 from llm.client.recording import is_replay
 from llm.client.shared import usage_in
+from llm.errors import CassetteError
 from llm.structured.conversation import Spending
 from llm.structured.prompting import template_sha256
 from oag import Scene, Task
@@ -36,16 +37,16 @@ EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
 BUDGET_SPENT = "budget-spent"
 """Ending of a unit that was not made, since the campaign's budget allows no further request."""
 MODEL_FAILED = "model-failed"
-"""Kind of failure of a unit whose model gave no reply; `--again` asks it again."""
+"""Kind of failure of a unit that was not made, since its model gave no reply; the same command asks it again."""
 ANSWERS_REFUSED = "answers-refused"
 """Kind of failure of a unit whose model gave no usable answer in the allowed rounds."""
 
-_MODULES = range(1, 6)
+MODULES_THAT_PLAN = range(1, 6)
 
 
 def _templates() -> str:
     """Return the key of the prompts of this program."""
-    return content_key(*map(template_sha256, _MODULES))
+    return content_key(*map(template_sha256, MODULES_THAT_PLAN))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +138,13 @@ class ModelPlan:
             ModelError: It did not reply, or the campaign's budget is spent.
         """
         with nullcontext() if self.repeats else exclusive_lock(self.place):
-            return self._plan(query, scene, sizing)
+            try:
+                return self._plan(query, scene, sizing)
+            except CassetteError as error:
+                # The next units would fare the same.
+                if isinstance(error.__cause__, OSError) and is_disk_full(error.__cause__):
+                    raise error.__cause__ from error
+                raise
 
     def _plan(self, query: str, scene: Scene, sizing: Sizing) -> Task:
         model = llm.connect(
@@ -179,17 +186,19 @@ def planned_by(plan: Plan) -> dict[str, Any]:
     return plan.record() if isinstance(plan, ModelPlan) else {}
 
 
-def model_failure(problem: Scene2DemoError) -> dict[str, Any]:
+def model_failure(problem: llm.AnswersRefused | llm.ModelError) -> dict[str, Any]:
     """Return how a unit ends whose model gave no plan."""
     if isinstance(problem, llm.BudgetSpent):
-        return {"ended": BUDGET_SPENT, "kind": BUDGET_SPENT, "message": str(problem)}
-    refused = isinstance(problem, llm.AnswersRefused)
-    kind = ANSWERS_REFUSED if refused else MODEL_FAILED
-    return {"ended": "failed" if refused else "error", "failure": {"kind": kind, "message": str(problem)}}
+        ended = kind = BUDGET_SPENT
+    else:
+        refused = isinstance(problem, llm.AnswersRefused)
+        ended, kind = ("failed", ANSWERS_REFUSED) if refused else ("error", MODEL_FAILED)
+    return {"ended": ended, "failure": {"kind": kind, "message": str(problem)}}
 
 
-NO_PLAN: tuple[type[Scene2DemoError], ...] = (llm.AnswersRefused, llm.ModelError)
-"""What `model_failure` says."""
+def was_made(result: Mapping[str, Any]) -> bool:
+    """Decide whether a unit came to a result that is kept: not without a reply of its model."""
+    return (result.get("failure") or {}).get("kind") not in (BUDGET_SPENT, MODEL_FAILED)
 
 
 def used_in(folder: Path) -> Usage:
@@ -222,17 +231,21 @@ class ModelWatch:
 
     Attributes:
         why: `OUT_OF_BUDGET` or `NO_REPLIES`; empty while there are plans.
+        failed: How many units got no reply.
     """
 
     why: str = ""
+    failed: int = 0
     _failed_in_a_row: int = 0
 
-    def note(self, ended: str, kind: str | None) -> bool:
-        """Look at how a unit ended; return whether it was made at all."""
-        if ended == BUDGET_SPENT:
+    def note(self, kind: str | None) -> bool:
+        """Look at the kind of a unit's failure; return whether the budget allowed it."""
+        if kind == BUDGET_SPENT:
             self.why = OUT_OF_BUDGET
             return False
-        self._failed_in_a_row = self._failed_in_a_row + 1 if kind == MODEL_FAILED else 0
+        silent = kind == MODEL_FAILED
+        self.failed += silent
+        self._failed_in_a_row = self._failed_in_a_row + 1 if silent else 0
         if self._failed_in_a_row >= _MOST_FAILED_IN_A_ROW:
             self.why = self.why or NO_REPLIES
         return True

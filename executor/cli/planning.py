@@ -34,7 +34,7 @@ def planned_by_model(options: ModelOptions, workers: int) -> PlanningModel | Non
         for name, value in given.items():
             check(value in ("", None), name, value, "--model with it")
         return None
-    from executor.campaign.planning_model import PlanningModel
+    from executor.campaign.planning_model import MODULES_THAT_PLAN, PlanningModel
     from executor.cli.evolution_setup import by_module, connect_model
     from llm.client.profiles import find_profile
     from llm.client.recording import recording_of
@@ -51,8 +51,8 @@ def planned_by_model(options: ModelOptions, workers: int) -> PlanningModel | Non
             break
     else:
         connect_model(options, None)
-    judges = [words for words in options.models if words.partition("=")[0].strip() in ("inspector", "supervisor")]
-    check(not judges, "--models", " ".join(judges), "modules 1 to 5: measurements judge the units of a campaign")
+    planning = all(module in MODULES_THAT_PLAN for module in models)
+    check(planning, "--models", " ".join(options.models), "modules 1 to 5: measurements judge the units of a campaign")
     in_order = tuple(sorted(models.items()))
     return PlanningModel(options.model.strip(), in_order, options.temperature, options.model_seed)
 

@@ -344,7 +344,7 @@ def generate(
     watch = ModelWatch()
 
     def count(unit: DemoUnit, result: Mapping[str, Any]) -> None:
-        if not watch.note(result["ended"], result.get("kind")):
+        if not watch.note(result.get("kind")):
             return
         tally.count(result)
         if goals is not None:

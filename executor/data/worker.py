@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from executor.campaign.planning_model import (
-    NO_PLAN,
     ModelPlan,
     Plan,
     model_failure,
@@ -35,7 +34,7 @@ from executor.scenes.pair import NotDrawn
 from executor.sim.render.stage import SceneRenderer, shared_renderer
 from executor.system.files import plain
 from executor.system.workers import check_version, serve
-from llm import BudgetSpent, QueryError
+from llm import AnswersRefused, ModelError, QueryError
 
 _KINDS: dict[type[Exception], str] = {
     PlanRefused: "plan-refused",
@@ -56,7 +55,7 @@ def run_unit(
 ) -> dict[str, Any]:
     """Make a unit, write its folder, and return a short result; a failed rollout is a result, too.
 
-    A unit for which the campaign's budget allows no further request is not written.
+    A unit whose model gave no reply, or for which the campaign's budget allows no request, is not written.
 
     Args:
         store: Destination.
@@ -78,8 +77,9 @@ def run_unit(
             meta["wall_s"], meta["cpu_s"] = time.perf_counter() - began, _cpu_s() - began_cpu_s
             store.write(unit, version, meta, folder)
             size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-    except BudgetSpent as spent:
-        return {**model_failure(spent), "bytes": 0, "cpu_s": _cpu_s() - began_cpu_s}
+    except ModelError as problem:
+        unmade = model_failure(problem)
+        return {"ended": unmade["ended"], **unmade["failure"], "bytes": 0, "cpu_s": _cpu_s() - began_cpu_s}
     failure = meta.get("failure") or {}
     words = {"kind": failure.get("kind"), "message": failure.get("message")}
     return {"ended": meta["ended"], **words, "bytes": size, "cpu_s": meta["cpu_s"]}
@@ -91,10 +91,8 @@ def _made(unit: DemoUnit, folder: Path, draw: Draw | None, plan: Plan) -> dict[s
         made = make_unit(unit, plan)
     except tuple(_KINDS) as problem:
         return {"ended": "failed", "failure": {"kind": _KINDS[type(problem)], "message": str(problem)}}
-    except BudgetSpent:
-        raise
-    except NO_PLAN as problem:
-        return model_failure(problem)
+    except AnswersRefused as refusal:
+        return model_failure(refusal)
     meta = {**meta_of(made), "drawn": drawn_values(unit, made.of.graph.scene, made.of.perturbations)}
     if made.story is not None:
         render = None if draw is None else partial(draw, unit, made.rollout)

@@ -63,8 +63,7 @@ class Options(EngineOptions):
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False
-    """Run units once more whose process crashed, hung, or met a mistake of the program, or whose model gave no
-    reply."""
+    """Run units once more whose process crashed, hung, or met a mistake of the program."""
     limit_s: float = 900.0
     """Wall time that a unit may take before its process is ended."""
     asked: ModelOptions = field(default_factory=ModelOptions)
@@ -79,7 +78,7 @@ def execute(options: Options) -> int:
     from executor.bench.tables import bench_json, write_results
     from executor.bench.units import BenchSetting, Series
     from executor.campaign.engine import Campaign, claimed, is_done, pending
-    from executor.campaign.planning_model import ModelWatch, used_in, why_stopped
+    from executor.campaign.planning_model import ModelWatch, used_in, was_made, why_stopped
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.cli.planning import budget_of, planned_by_model
@@ -114,9 +113,10 @@ def execute(options: Options) -> int:
             with _progress(folder, asked, left, quiet=options.json) as on_progress:
 
                 def note(unit: Unit, result: Mapping[str, Any]) -> None:
-                    if not watch.note(result["ended"], (result.get("failure") or {}).get("kind")):
+                    if not watch.note((result.get("failure") or {}).get("kind")):
                         return
-                    narrow.note(unit, result)
+                    if was_made(result):
+                        narrow.note(unit, result)
                     on_progress(unit, result)
 
                 campaign = Campaign(
@@ -135,7 +135,7 @@ def execute(options: Options) -> int:
     endings = Counter(result["ended"] for one in asked for result in folder.results(one))
     from executor.cli.execution import command_line
 
-    hopeless = (endings.total() > 0 or bool(watch.why)) and not endings["succeeded"]
+    hopeless = (endings.total() > 0 or watch.failed > 0 or bool(watch.why)) and not endings["succeeded"]
     if shard.of > 1:
         hopeless = not is_done(folder, units, shard)
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE

@@ -115,8 +115,7 @@ class Options(EngineOptions):
     shard: str = "1/1"
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
-    """Make episodes once more whose process crashed, hung, or met a mistake of the program, or whose model gave no
-    reply."""
+    """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
     asked: ModelOptions = field(default_factory=ModelOptions)
 
 

@@ -143,8 +143,8 @@ def test_a_dead_server_ends_the_campaign(command: Command, tmp_path: Path, monke
         point_to(server, monkeypatch)
         answer = command(*words)
         assert len(server.seen) == 3
-        assert command(*words, "--again").data["stopped_by"] == "model"
-        assert len(server.seen) == 6
+        assert command(*words).data["stopped_by"] == "model" and len(server.seen) == 6
+    assert not units_of(tmp_path / "d")
     assert answer.code == 1 and answer.data["stopped_by"] == "model"
     assert answer.data["endings"] == {"error": 3} and answer.data["failures"] == {"model-failed": 3}
 
