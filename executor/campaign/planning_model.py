@@ -256,6 +256,13 @@ OUT_OF_BUDGET, NO_REPLIES = "model budget", "model"
 _MOST_FAILED_IN_A_ROW = 3
 
 
-def why_stopped(reason: str) -> str:
-    """Return in words why a campaign stopped early, such as at a limit."""
-    return "the model gives no replies" if reason == NO_REPLIES else f"{reason} is used up"
+def why_stopped(reason: str, kept: str) -> str:
+    """Return in words why a campaign stopped early, such as at a limit, and how it goes on.
+
+    Args:
+        reason: The limit, or `OUT_OF_BUDGET` or `NO_REPLIES`.
+        kept: What is finished, such as "episodes".
+    """
+    problem = "the model gives no replies" if reason == NO_REPLIES else f"{reason} is used up"
+    again = "the same command with a higher limit" if reason == OUT_OF_BUDGET else "the same command"
+    return f"stopped: {problem}; finished {kept} are kept, {again} goes on"

@@ -150,10 +150,7 @@ def execute(options: Options) -> int:
         if setting.model is not None:
             say(f"models of the folder, all runs together: {used_in(folder.path).summary()}")
         if watch.why:
-            tell(
-                f"scene2demo: stopped: {why_stopped(watch.why)}; finished units are kept, the same command goes on",
-                style="yellow",
-            )
+            tell(f"scene2demo: {why_stopped(watch.why, 'units')}", style="yellow")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
         else:

@@ -476,6 +476,6 @@ def finished(
     if tally.endings["succeeded"] and not (interrupted or tally.stopped_by):
         say(f"{'next':11} {command_line('dataset audit', store.path)}")
     if interrupted or tally.stopped_by:
-        why = "interrupted" if interrupted else f"stopped: {why_stopped(tally.stopped_by)}"
-        tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")
+        words = "interrupted; finished episodes are kept, the same command goes on"
+        tell(f"scene2demo: {words if interrupted else why_stopped(tally.stopped_by, 'episodes')}", style="yellow")
     return code

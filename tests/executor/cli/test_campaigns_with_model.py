@@ -137,6 +137,31 @@ def test_a_budget_is_one_of_the_whole_campaign(
     assert unknown.code == 2 and "price" in unknown.err + unknown.out
 
 
+def test_a_limit_in_dollars_stops_and_a_higher_one_goes_on(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    profiles = tmp_path / "models.toml"
+    profiles.write_text("[openai-compatible.models.m]\nprice = { input = 1, output = 2 }\n")
+    monkeypatch.setenv("SCENE2DEMO_PROFILES", str(profiles))
+    words = (*WORDS, "--episodes", "1", "--workers", "1")
+    with ModelServer(decide=answering({**OPENING, 2: "I would rather not."}), key=KEY) as server:
+        point_to(server, monkeypatch)
+        first = command(*words, "--max-cost-usd", "0.000001")
+        assert [module_of(seen) for seen in server.seen] == [1]
+        assert first.code == 1 and "model budget is used up" in " ".join(first.err.split())
+        assert "with a higher limit goes on" in " ".join(first.err.split())
+        assert "1 request" in first.out and "$0.00" in first.out
+        second = command(*words, "--max-cost-usd", "1", "--json")
+        # Module 1 was paid for.
+        assert {module_of(seen) for seen in server.seen[1:]} == {2}
+    usage = second.data["usage"]
+    assert second.data["failures"] == {"answers-refused": 1} and usage["requests"] == len(server.seen)
+    spent_usd = (usage["input_tokens"] + 2 * usage["output_tokens"]) / 1e6
+    assert usage["cost_usd"] == pytest.approx(spent_usd)
+    (unit,) = units_of(tmp_path / "d")
+    assert unit["model"]["cost_usd"] == pytest.approx(spent_usd)
+
+
 def test_a_dead_server_ends_the_campaign(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = (*WORDS, "--episodes", "9", "--workers", "1", "--json")
     with ModelServer(fails(400, "no such model"), key=KEY) as server:
