@@ -207,7 +207,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
         for name, value in detail_rows(cell):
             say(f"  {name:35} {value}" if cell.series.family == "T7" else f"  {name:31} {value}")
         for result in cell.failed[:5]:
-            message = (result.get("failure") or {}).get("message", "")
+            message = first_line((result.get("failure") or {}).get("message", ""))
             say(f"  failed: {result['name']}  {message}", style="red")
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
