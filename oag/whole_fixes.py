@@ -5,6 +5,8 @@ Source: docs/semantics.md, Fixes.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from oag.edit_script import edit_script
 from oag.flows import complete
 from oag.planning import repair
@@ -16,13 +18,13 @@ from oag.verify.verify import Report, Verdict, verify
 def find_all_fixes(report: Report) -> tuple[Fix, ...]:
     """Return the verified repairs of a refuted plan, as `find_fixes` does.
 
-    Where each of them leaves an error of a well-formed plan with a goal of its own, a repair of the whole plan comes
-    first, if the scene admits one.
+    Where each of them leaves an error of a well-formed plan, a repair of the whole plan comes first, if the scene
+    admits one. It reaches the task goal, or what the subtasks aim at where none is given.
     """
     fixes = find_fixes(report)
     # A fix that leaves no error, only unknown facts, does not invent what the plan did not rest on.
     enough = any(fix.proves or not fix.remaining for fix in fixes)
-    if enough or report.trace is None or not report.task.goal_given:
+    if enough or report.trace is None:
         return fixes
     planned = repair(report.task, report.scene)
     if planned.task is None:
@@ -30,5 +32,7 @@ def find_all_fixes(report: Report) -> tuple[Fix, ...]:
     script = edit_script(report.task, planned.task, flows=True)
     whole = Fix("several", "; then ".join(script.words), None, None, script.edits, None, proves=True)
     repaired = complete(whole.apply(report.task), report.scene).task
-    proved = verify(repaired, report.scene).verdict is Verdict.PROVED
+    # Without a given goal, the repaired plan also has to reach what its own subtasks aim at.
+    aims = (repaired, replace(repaired, goal=report.task.goal))
+    proved = all(verify(aim, report.scene).verdict is Verdict.PROVED for aim in aims)
     return (whole, *fixes) if proved else fixes

@@ -6,4 +6,4 @@ from benchmarks.baselines.methods import baseline_version, run_baseline
 from executor.bench.worker import serve_units
 
 if __name__ == "__main__":
-    serve_units(run_baseline, baseline_version())
+    serve_units(lambda unit, plan: run_baseline(unit), baseline_version())

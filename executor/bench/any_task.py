@@ -19,6 +19,7 @@ import numpy as np
 
 import bddl
 import llm
+from executor.campaign.planning_model import ANSWERS_REFUSED, Plan, model_failure, plan_offline, planned_by
 from executor.campaign.rate import Rate
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
@@ -69,11 +70,12 @@ def labels() -> Mapping[int, Label]:
     return {label.seed: label for label in known}
 
 
-def run_wish(seed: int) -> dict[str, Any]:
+def run_wish(seed: int, plan: Plan = plan_offline) -> dict[str, Any]:
     """Draw a wish, and do as much of it as can be done: read, prove, ask geometry, execute.
 
     Args:
         seed: Seed of the wish; it seeds the planning too.
+        plan: What reads and plans it.
 
     Returns:
         The result as plain data; `ended` is "refused" when nothing moved.
@@ -84,7 +86,7 @@ def run_wish(seed: int) -> dict[str, Any]:
         return {"ended": "not-drawn", "failure": {"kind": "not-drawn", "message": str(problem)}}
     began = time.process_time()
     known = {"kind": wish.kind, "query": wish.query, "scene": wish.scene.name, **_label_of(wish)}
-    found = known | _pursued(wish)
+    found = known | _pursued(wish, plan) | planned_by(plan)
     return {**found, "cpu_s": round(time.process_time() - began, 2)}
 
 
@@ -96,12 +98,16 @@ def _label_of(wish: AnyWish) -> dict[str, Any]:
     return {"possible": label.possible, "reasons": list(label.reasons)}
 
 
-def _pursued(wish: AnyWish) -> dict[str, Any]:
+def _pursued(wish: AnyWish, plan: Plan) -> dict[str, Any]:
     try:
-        proposal = llm.propose(wish.query, wish.scene, sizing=_OWN_SIZES)
+        task = plan(wish.query, wish.scene, _OWN_SIZES)
     except llm.QueryError as refusal:
         return _refused("proof" if refusal.code == "unproved" else "read", refusal.code, refusal.problem)
-    graph = compose(proposal.task, scene=wish.scene)
+    except llm.AnswersRefused as refusal:
+        return _refused("read", ANSWERS_REFUSED, str(refusal))
+    except llm.ModelError as problem:
+        return model_failure(problem)
+    graph = compose(task, scene=wish.scene)
     names = [subtask.name for subtask in graph.task.subtasks]
     found: dict[str, Any] = {"subtask_names": names, "understood": _as_meant(graph, wish)}
     if not (report := graph.verify()):

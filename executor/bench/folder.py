@@ -14,6 +14,7 @@ from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import result_of
+from executor.campaign.planning_model import ANSWERS, EXCHANGES, was_made
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 
@@ -94,11 +95,23 @@ class BenchFolder:
 
     def request(self, unit: Unit, version: str) -> dict[str, Any]:
         """Return the request of a unit to its worker process."""
-        return {**unit.to_json(), "version": version}
+        own = {} if unit.setting.model is None else self._answers_of(unit, version)
+        return {**unit.to_json(), "version": version, **own}
+
+    def _answers_of(self, unit: Unit, version: str) -> dict[str, str]:
+        """Return where a process keeps what a unit's model answers."""
+        return {"folder": str(self.path), "place": self.place(unit, version).stem}
+
+    def answers(self, result: Mapping[str, Any]) -> Path:
+        """Return the recording of what a unit's model answered."""
+        return self.path / ANSWERS / f"{result['name']}-{result['id'][:8]}" / EXCHANGES
 
     def keep(self, unit: Unit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
         """Write the outcome of a unit's process, and return the content of its file."""
-        return self.write(unit, version, result_of(outcome))
+        result = result_of(outcome)
+        if not was_made(result):
+            return {**unit.to_json(), **result, "id": unit.id(version), "name": unit.name}
+        return self.write(unit, version, result)
 
     def write(self, unit: Unit, version: str, result: Mapping[str, Any]) -> dict[str, Any]:
         """Write a unit's result atomically, and return it with the unit's identity."""

@@ -19,6 +19,7 @@ from bddl.terminal import pluralize
 from executor.bench.any_task import wish_rows
 from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
+from executor.campaign.planning_model import sum_of, used_text
 from executor.campaign.rate import Rate, number
 from executor.records import describe_peaks
 from executor.reports.episode import measured_facts
@@ -115,6 +116,21 @@ class Cell:
         )
 
     @property
+    def proved(self) -> Rate | None:
+        """How many of the plans that a model was asked for are proved; None where the offline planner plans."""
+        if self.series.setting.model is None:
+            return None
+        reached = [
+            bool(result.get("proved", result.get("stage") in ("geometry", "physics"))) for result in self.results
+        ]
+        return Rate(sum(reached), len(reached))
+
+    @property
+    def model(self) -> dict[str, object] | None:
+        """What the model took for the finished units, whenever it was asked; None where none was."""
+        return sum_of([result["model"] for result in self.results if "model" in result])
+
+    @property
     def busy_s(self) -> float:
         """Wall time in which at least one unit was running [s]; pauses between runs do not count."""
         return busy_s(self.results)
@@ -147,6 +163,7 @@ class Cell:
             "penetration": self._penetration(),
             "peaks": self._peaks(),
             **self._evolution(),
+            **({} if self.proved is None else {"proved": self.proved.to_json(), "model": self.model}),
         }
 
     def _times(self) -> dict[str, list[float]]:
@@ -293,8 +310,10 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     asked = cell.series.episodes
     if cell.series.family not in FAMILIES:
         yield from wish_rows(cell.results)
+        yield from _model_rows(cell)
         yield "seeds", seeds_text(cell)
         return
+    yield from _model_rows(cell)
     yield "success, all units", str(cell.all)
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
@@ -344,6 +363,14 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     if len(cell.results) < asked:
         yield "not run yet", f"{asked - len(cell.results)} of {asked}"
     yield "seeds", seeds_text(cell)
+
+
+def _model_rows(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Yield what a model's plans came to, and what they took."""
+    if cell.proved is not None and cell.series.family in FAMILIES:
+        yield "plan proved, all units", str(cell.proved)
+    if cell.model is not None:
+        yield "the model", used_text(cell.model)
 
 
 def seeds_text(cell: Cell) -> str:

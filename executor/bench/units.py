@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StrictBool, StrictInt
 
+from executor.campaign.planning_model import PlanningModel
 from executor.campaign.versions import UNORDERED_VERSION
 from executor.scenes.generators.families import LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.generators.household import COUNT
@@ -32,6 +33,7 @@ class BenchSetting:
         full_size: Whether the robot is of full size.
         baseline: Name of what acts in place of the executor, such as those of `benchmarks.baselines`.
         robot: Name of the robot; empty for the paper's, or where `full_size` is said, which is another word for one.
+        model: Language model that plans; None for the offline planner.
     """
 
     flows: Flows = "planned"
@@ -40,6 +42,7 @@ class BenchSetting:
     full_size: StrictBool = False
     baseline: Annotated[str, Field(pattern="^[a-z-]{1,40}$")] | None = None
     robot: Annotated[str, AfterValidator(known_robot)] = ""
+    model: PlanningModel | None = None
 
     def __post_init__(self) -> None:
         if self.robot == FULL_SIZE.name:
@@ -57,6 +60,8 @@ class BenchSetting:
         """Short name that is valid in file names."""
         words = {"evolve": self.evolve, "own-sizes": self.keep_sizes, "full-size": self.full_size}
         words[self.robot] = bool(self.robot)
+        if self.model is not None:
+            words[f"model-{self.model.key}"] = True
         own = [self.flows] if self.baseline is None else [self.baseline]
         return "-".join([*own, *(word for word, enabled in words.items() if enabled)])
 
@@ -64,6 +69,8 @@ class BenchSetting:
     def label(self) -> str:
         """Label of the row in the table."""
         own = "planned flows" if self.flows == "planned" else "paper's flows"
+        if self.model is not None:
+            own = f"planned by {self.model.label}"
         if self.baseline is not None:
             own = self.baseline
         words = {
@@ -108,7 +115,7 @@ class Unit:
 
     def to_json(self) -> dict[str, Any]:
         """Return the unit as plain data."""
-        return asdict(self)
+        return _without_model(asdict(self))
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Unit:
@@ -121,6 +128,13 @@ class Unit:
         if (unit.index is None) is not (unit.family in (*LONG_HORIZON, "T7")):
             raise ValueError(f"{unit.family} has no unit {unit.index}")
         return unit
+
+
+def _without_model(data: dict[str, Any]) -> dict[str, Any]:
+    """Leave the model out of a setting that has none, as earlier programs do."""
+    if data["setting"]["model"] is None:
+        del data["setting"]["model"]
+    return data
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +162,7 @@ class Series:
 
     def to_json(self) -> dict[str, Any]:
         """Return the series as plain data."""
-        return asdict(self)
+        return _without_model(asdict(self))
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Series:

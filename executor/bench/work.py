@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.bench.units import Unit
+from executor.campaign.planning_model import ModelPlan, Plan, model_failure, plan_offline, planned_by
 from executor.campaign.versions import outcome_version
 from executor.records import PlanRefused, Rollout
 from executor.rollouts.evolution_record import Evolution
@@ -21,8 +22,9 @@ from executor.rollouts.run_record import describe_rollout
 from executor.scenes.generators.families import pair_of, with_paper_flows
 from executor.scenes.pair import ScenePair
 from executor.system.files import content_key, json_text
+from llm import AnswersRefused, ModelError, QueryError
 from oag import ObjectActionGraph, compose
-from oag.sizes import resized_targets
+from oag.sizes import Sizing, resized_targets
 
 _MB = 1024 * 1024
 _PAGES = Path("/proc/self/statm")
@@ -46,16 +48,32 @@ class Stopwatch:
         self._began = now
 
 
-def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
+def prepare(unit: Unit, plan: Plan = plan_offline) -> tuple[ScenePair, ObjectActionGraph]:
     """Return a unit's scene-task pair and the composed task, with the unit's flows.
+
+    Args:
+        unit: The unit.
+        plan: What plans it, where its setting has a model.
 
     Raises:
         NoPaperFlow: The unit requests flows that the paper does not print.
+        QueryError, AnswersRefused, ModelError: The model that plans it gave no plan.
     """
+    pair = _drawn(unit)
+    return pair, _planned(unit, pair, plan)
+
+
+def _drawn(unit: Unit) -> ScenePair:
     setting = unit.setting
-    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, robot=setting.robot_name)
+    return pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, robot=setting.robot_name)
+
+
+def _planned(unit: Unit, pair: ScenePair, plan: Plan) -> ObjectActionGraph:
     task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
-    return pair, compose(task, scene=pair.scene)
+    if unit.setting.model is not None:
+        # What the offline plan takes has its size already.
+        task = plan(pair.query, pair.scene, Sizing(keep=True))
+    return compose(task, scene=pair.scene)
 
 
 def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Rollout, Evolution | None]:
@@ -78,6 +96,7 @@ def run_unit(
     *,
     ready: tuple[ScenePair, ObjectActionGraph] | None = None,
     run: Execute = execute,
+    plan: Plan = plan_offline,
 ) -> dict[str, Any]:
     """Run one unit and return its result as plain data; a failed rollout is a result, too.
 
@@ -85,15 +104,30 @@ def run_unit(
         unit: The unit.
         ready: Pair and graph, if they are not those of `prepare`.
         run: Executes the unit.
+        plan: What plans it, where its setting has a model.
     """
     watch = Stopwatch()
-    pair, graph = ready or prepare(unit)
+    pair = _drawn(unit) if ready is None else ready[0]
     watch.lap("scene")
     result: dict[str, Any] = {
         "pair": pair.id,
         "query": pair.query,
         "scene": pair.scene.name,
         "scene_hash": content_key(json_text(pair.scene.to_json())),
+    }
+    try:
+        graph = _planned(unit, pair, plan) if ready is None else ready[1]
+    except (QueryError, AnswersRefused, ModelError) as problem:
+        if unit.setting.model is None:
+            raise
+        watch.lap("model")
+        failed = {"ended": "failed", "failure": {"kind": "not-planned", "message": str(problem)}}
+        why = failed if isinstance(problem, QueryError) else model_failure(problem)
+        return {**result, "proved": False, **why, **planned_by(plan), "wall_s": watch.spent_s, **_memory()}
+    if unit.setting.model is not None:
+        watch.lap("model")
+        result |= {"proved": bool(graph.verify()), **planned_by(plan)}
+    result |= {
         "task_hash": content_key(json_text(graph.task.to_json())),
         "subtask_names": [subtask.name for subtask in graph.task.subtasks],
         "scaled": [change.to_json() for change in resized_targets(graph.task, pair.scene)],
@@ -163,16 +197,19 @@ class UnitReplay:
         return f"OTHER states than when it was measured: {why}"
 
 
-def replay(recorded: Mapping[str, Any]) -> UnitReplay:
-    """Run a unit again.
+def replay(recorded: Mapping[str, Any], answers: Path) -> UnitReplay:
+    """Run a unit again; a model is not asked again.
 
     Args:
         recorded: The unit's file.
+        answers: What a model answered for it, where one planned it.
 
     Raises:
         PlanRefused: The plan is not proved; nothing moved then either.
+        QueryError, AnswersRefused, ModelError: The model gave no plan then either.
     """
     unit = Unit.from_json(recorded)
-    pair, graph = prepare(unit)
+    model = unit.setting.model
+    pair, graph = prepare(unit, plan_offline if model is None else ModelPlan.repeated(model, answers))
     done, story = execute(unit, pair, graph)
     return UnitReplay(pair, graph, done, story, recorded)

@@ -255,7 +255,7 @@ def connect_model(
         record=None if is_replay(options.model) else record,
         resume=resume,
         same_start=same_start,
-        models=_by_module(options.models),
+        models=by_module(options.models),
         temperature=options.temperature,
         seed=options.model_seed,
     )
@@ -264,7 +264,7 @@ def connect_model(
     return model
 
 
-def _by_module(given: Sequence[str]) -> dict[int, str]:
+def by_module(given: Sequence[str]) -> dict[int, str]:
     """Parse the models of single modules and judges, such as 3=openai:gpt-5.2."""
     found: dict[int, str] = {}
     for words in given:

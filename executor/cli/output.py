@@ -159,3 +159,8 @@ class Pace:
         if not self._quiet and time.perf_counter() - self._shown >= _PACE_EVERY_S:
             self._shown = time.perf_counter()
             tell(f"  {done} of {self._total}, {self.text(done)}")
+
+
+def first_line(message: object) -> str:
+    """Return the first line of a message, for lists."""
+    return str(message).partition("\n")[0]

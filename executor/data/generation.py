@@ -30,6 +30,7 @@ from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, 
 
 from bddl.files import read_bounded_text
 from executor.campaign.engine import Campaign, Job
+from executor.campaign.planning_model import ModelWatch
 from executor.data.store import EpisodeStore
 from executor.data.units import (
     MOST_STANCES,
@@ -340,7 +341,11 @@ def generate(
     # These units are claimed by this run; partial results of other units are judged by age.
     store.tidy({unit.folder(version) for unit, version in jobs}, 2.0 * campaign.limit_s)
 
+    watch = ModelWatch()
+
     def count(unit: DemoUnit, result: Mapping[str, Any]) -> None:
+        if not watch.note(result.get("kind")):
+            return
         tally.count(result)
         if goals is not None:
             goals.note(unit, result["ended"])
@@ -350,7 +355,8 @@ def generate(
         tally.stopped_by = _exhausted_limit(store, tally, limits) if tally.made < len(jobs) else ""
         return bool(tally.stopped_by)
 
-    campaign.run(jobs, count, stop, (lambda unit: True) if goals is None else goals.wants)
+    campaign.run(jobs, count, stop, lambda unit: not watch.why and (goals is None or goals.wants(unit)))
+    tally.stopped_by = tally.stopped_by or watch.why
 
 
 def _exhausted_limit(store: EpisodeStore, tally: Tally, limits: Limits) -> str:

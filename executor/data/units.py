@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
 
+from executor.campaign.planning_model import PlanningModel
 from executor.campaign.versions import SURFACES_VERSION, UNORDERED_VERSION
 from executor.scenes.generators.families import HOUSEHOLD, LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.room import Draws, Perturbation
@@ -188,6 +189,7 @@ class DemoUnit:
         robot: Name of the robot; empty for a family's, the paper's, and for a scene's own that keeps the order of its
             searches. `full_size` is another word for the Panda of full size.
         repair: "scene" where the scene is changed so that the task can be done (`executor.rollouts.scene_repairs`).
+        model: Language model that plans the unit; None for the offline planner.
     """
 
     origin: Origin
@@ -203,6 +205,7 @@ class DemoUnit:
     takeover: Takeover | None = None
     robot: Annotated[str, AfterValidator(known_robot)] = ""
     repair: Repair | None = None
+    model: PlanningModel | None = None
 
     def __post_init__(self) -> None:
         if self.robot == FULL_SIZE.name:
@@ -217,7 +220,9 @@ class DemoUnit:
             raise ValueError("a plan that goes on from where a policy came to is the planner's, and no flow is revised")
         if self.repair is not None and (self.evolve or self.takeover is not None or self.flows == "paper"):
             raise ValueError("a scene is repaired for the planner's own plan, which is not revised")
-        placed = self.origin.family is None and (self.variation.target or self.variation.distractors)
+        placed = self.origin.family is None and bool(self.variation.target or self.variation.distractors)
+        if self.model is not None:
+            self._check_planned_by_model(placed=placed)
         if self.repair is not None and placed:
             raise ValueError(
                 "where a scene is repaired for a sentence, neither its target varies nor are distractors added: both "
@@ -227,6 +232,19 @@ class DemoUnit:
             raise ValueError(f"{self.origin.label} has no unit {self.index}")
         if self.flows == "paper" and self.origin.family not in LONG_HORIZON:
             raise ValueError(f"the paper prints no flows for {self.origin.label}")
+
+    def _check_planned_by_model(self, *, placed: bool) -> None:
+        """Refuse what needs the offline planner as well."""
+        if self.repair is not None or self.takeover is not None or self.flows == "paper":
+            raise ValueError(
+                "a model plans a scene as it is: leave out --model, or what repairs the scene, goes on after a policy, "
+                "or takes the paper's flows"
+            )
+        if placed:
+            raise ValueError(
+                "where a model plans a sentence, neither its target varies nor are distractors added: both need a plan "
+                "before; leave out --model, or --vary target and --distractors"
+            )
 
     @property
     def robot_name(self) -> str:
@@ -328,7 +346,7 @@ class DemoUnit:
             del data["takeover"]
         elif not self.takeover.pushes:
             del data["takeover"]["pushes"]
-        for name in ("robot", "repair"):
+        for name in ("robot", "repair", "model"):
             if not data[name]:
                 del data[name]
         return data

@@ -23,6 +23,7 @@ import llm
 from bddl.errors import Scene2DemoError
 from executor.assets import library
 from executor.assets.library import asset_for, asset_hash
+from executor.campaign.planning_model import Plan, plan_offline
 from executor.campaign.versions import LIBRARIES, library_versions
 from executor.data import samples
 from executor.data.store import SAMPLES
@@ -169,13 +170,18 @@ class Made:
     story: Evolution | None = None
 
 
-def prepare_unit(unit: DemoUnit) -> Prepared:
+def prepare_unit(unit: DemoUnit, plan: Plan = plan_offline) -> Prepared:
     """Prepare a unit's task and scene.
+
+    Args:
+        unit: The unit.
+        plan: What plans it; scenes are drawn, and repaired, with the offline planner all the same.
 
     Raises:
         NotDrawn: No room could be drawn for this seed.
         HandoverRefused: The scene is not the unit's, as after a change of its file.
         QueryError, SceneError: The sentence cannot be planned in the scene, or the scene is invalid.
+        AnswersRefused, ModelError: The model that plans it gave no plan.
     """
     distracted = _distractor_adder(unit) if unit.variation.distractors else None
     if unit.origin.family is not None:
@@ -189,6 +195,10 @@ def prepare_unit(unit: DemoUnit) -> Prepared:
         )
         if unit.repair is not None:
             return _repaired(unit, pair.query, pair.scene, Sizing(keep=True), pair.perturbations)
+        if unit.model is not None:
+            # What the offline plan takes has its size already.
+            task = plan(pair.query, pair.scene, Sizing(keep=True))
+            return Prepared(pair.query, compose(task, scene=pair.scene), pair.perturbations)
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return Prepared(pair.query, compose(task, scene=pair.scene), pair.perturbations)
     origin = unit.origin
@@ -202,7 +212,7 @@ def prepare_unit(unit: DemoUnit) -> Prepared:
     sizing = Sizing(unit.seed, unit.keep_sizes)
     if unit.repair is not None:
         return _repaired(unit, origin.query, vary(nominal, unit.seed), sizing, perturbations)
-    task = llm.propose(unit.origin.query, nominal, sizing=sizing).task
+    task = plan(unit.origin.query, nominal, sizing)
     scene = vary(nominal.with_scales(task.scales), unit.seed)
     # Sizes are already in the scene; scales in the task would apply twice.
     return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), perturbations)
@@ -235,7 +245,8 @@ def check_plannable(first: DemoUnit) -> None:
         NotPlannable: It is one.
         SceneError: The scene is invalid.
     """
-    if first.origin.family is not None:
+    if first.origin.family is not None or first.model is not None:
+        # What a model understands is seen once it is asked.
         return
     left_to_seeds = varies_with_seed(first.origin.scene)
     try:
@@ -263,7 +274,7 @@ def starts_alike(series: DemoSeries) -> bool:
         return False
     if series.episodes < 2 or first.origin.family is not None or varies_with_seed(first.origin.scene):
         return False
-    units = (replace(unit, repair=None) for unit in islice(series.units(), _SEEDS_COMPARED))
+    units = (replace(unit, repair=None, model=None) for unit in islice(series.units(), _SEEDS_COMPARED))
     scenes = (prepare_unit(unit).graph.scene for unit in units)
     try:
         nominal = next(scenes)
@@ -288,14 +299,14 @@ def _scene(query: str, name: str, key: str, robot: str) -> Scene:
     return scene
 
 
-def make_unit(unit: DemoUnit) -> Made:
+def make_unit(unit: DemoUnit, plan: Plan = plan_offline) -> Made:
     """Execute a unit.
 
     Raises:
         PlanRefused: The plan is not proved, so nothing moved.
-        NotDrawn, QueryError, SceneError: As for `prepare_unit`.
+        NotDrawn, QueryError, SceneError, AnswersRefused, ModelError: As for `prepare_unit`.
     """
-    todo = prepare_unit(unit)
+    todo = prepare_unit(unit, plan)
     graph = todo.graph
     rate_hz = float(unit.recording.rate_hz)
     conditions = RunConditions(rate_hz, physics=physics_of(unit), noise=noise_of(unit), stances=unit.stances)

@@ -9,6 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from executor.campaign.planning_model import (
+    ModelPlan,
+    Plan,
+    model_failure,
+    plan_offline,
+    planned_by,
+)
 from executor.campaign.versions import outcome_version
 from executor.data import samples
 from executor.data.store import SAMPLES, EpisodeStore
@@ -27,7 +34,7 @@ from executor.scenes.pair import NotDrawn
 from executor.sim.render.stage import SceneRenderer, shared_renderer
 from executor.system.files import plain
 from executor.system.workers import check_version, serve
-from llm import QueryError
+from llm import AnswersRefused, ModelError, QueryError
 
 _KINDS: dict[type[Exception], str] = {
     PlanRefused: "plan-refused",
@@ -44,14 +51,18 @@ def run_unit(
     unit: DemoUnit,
     version: str,
     draw: Draw | None = None,
+    plan: Plan = plan_offline,
 ) -> dict[str, Any]:
     """Make a unit, write its folder, and return a short result; a failed rollout is a result, too.
+
+    A unit whose model gave no reply, or for which the campaign's budget allows no request, is not written.
 
     Args:
         store: Destination.
         unit: The unit.
         version: Hash of the program; it has to be that of this process.
         draw: Renders the pictures of the motion.
+        plan: What plans it.
 
     Raises:
         HandoverRefused: This process runs another version of the program, or finds another scene under the unit's name;
@@ -60,30 +71,40 @@ def run_unit(
     """
     check_version(version, outcome_version())
     began, began_cpu_s = time.perf_counter(), _cpu_s()
-    with store.writing(unit, version) as folder:
-        try:
-            made = make_unit(unit)
-        except tuple(_KINDS) as problem:
-            failure = {"kind": _KINDS[type(problem)], "message": str(problem)}
-            meta: dict[str, Any] = {"ended": "failed", "failure": failure}
-        else:
-            meta = {**meta_of(made), "drawn": drawn_values(unit, made.of.graph.scene, made.of.perturbations)}
-            if made.story is not None:
-                render = None if draw is None else partial(draw, unit, made.rollout)
-                meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit), render)
-            if made.rollout.succeeded or unit.recording.failures:
-                arrays = samples.columns(made.rollout)
-                if draw is not None:
-                    rendered = draw(unit, made.rollout, made.rollout.trajectory, folder)
-                    meta["pictures"] = plain(rendered.described)
-                    arrays |= rendered.poses
-                (folder / SAMPLES).write_bytes(samples.packed(arrays))
-        meta["wall_s"], meta["cpu_s"] = time.perf_counter() - began, _cpu_s() - began_cpu_s
-        store.write(unit, version, meta, folder)
-        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    try:
+        with store.writing(unit, version) as folder:
+            meta = {**_made(unit, folder, draw, plan), **planned_by(plan)}
+            meta["wall_s"], meta["cpu_s"] = time.perf_counter() - began, _cpu_s() - began_cpu_s
+            store.write(unit, version, meta, folder)
+            size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    except ModelError as problem:
+        unmade = model_failure(problem)
+        return {"ended": unmade["ended"], **unmade["failure"], "bytes": 0, "cpu_s": _cpu_s() - began_cpu_s}
     failure = meta.get("failure") or {}
     words = {"kind": failure.get("kind"), "message": failure.get("message")}
     return {"ended": meta["ended"], **words, "bytes": size, "cpu_s": meta["cpu_s"]}
+
+
+def _made(unit: DemoUnit, folder: Path, draw: Draw | None, plan: Plan) -> dict[str, Any]:
+    """Make a unit, write its motion into its folder, and return its metadata."""
+    try:
+        made = make_unit(unit, plan)
+    except tuple(_KINDS) as problem:
+        return {"ended": "failed", "failure": {"kind": _KINDS[type(problem)], "message": str(problem)}}
+    except AnswersRefused as refusal:
+        return model_failure(refusal)
+    meta = {**meta_of(made), "drawn": drawn_values(unit, made.of.graph.scene, made.of.perturbations)}
+    if made.story is not None:
+        render = None if draw is None else partial(draw, unit, made.rollout)
+        meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit), render)
+    if made.rollout.succeeded or unit.recording.failures:
+        arrays = samples.columns(made.rollout)
+        if draw is not None:
+            rendered = draw(unit, made.rollout, made.rollout.trajectory, folder)
+            meta["pictures"] = plain(rendered.described)
+            arrays |= rendered.poses
+        (folder / SAMPLES).write_bytes(samples.packed(arrays))
+    return meta
 
 
 def _cpu_s() -> float:
@@ -107,7 +128,10 @@ def main() -> None:
         def handle(request: dict[str, Any]) -> dict[str, Any]:
             unit = DemoUnit.from_json(request["unit"])
             draw = partial(draw_motion, scene_renderer()) if unit.recording.views else None
-            return run_unit(EpisodeStore(Path(request["store"])), unit, request["version"], draw)
+            store, version, plan = EpisodeStore(Path(request["store"])), request["version"], plan_offline
+            if unit.model is not None:
+                plan = ModelPlan.of(unit.model, store.path, unit.folder(version), request)
+            return run_unit(store, unit, version, draw, plan)
 
         serve(handle)
 

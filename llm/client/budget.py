@@ -96,6 +96,33 @@ class Usage:
         return ", ".join(parts)
 
 
+def spent_limit(used: Usage, budget: Budget) -> str | None:
+    """Return why a budget allows no further request; None where it does. Its limit in time is one on `waited_s`."""
+    limits = (
+        (used.requests, budget.requests, f"{budget.requests} requests"),
+        (used.tokens, budget.tokens, f"{budget.tokens} tokens"),
+        (used.cost_usd or 0.0, budget.cost_usd, f"${budget.cost_usd or 0.0:g}"),
+        (used.waited_s, budget.time_s, f"{budget.time_s or 0.0:g} s"),
+    )
+    spent = next((words for use, limit, words in limits if limit is not None and use >= limit), None)
+    if spent is not None:
+        return f"the budget of {spent} is used up"
+    if used.uncounted and (budget.tokens, budget.cost_usd) != (None, None):
+        return "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
+    return None
+
+
+def check_price(name: str, budget: Budget, *prices: Price | None) -> None:
+    """Refuse a limit in dollars where a price is unknown.
+
+    Raises:
+        ModelConfigError: It is so.
+    """
+    if budget.cost_usd is not None and None in prices:
+        advice = "Limit tokens instead, or write the price into a file of profiles"
+        raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
+
+
 class Metered:
     """Forward requests within a budget, and count them.
 
@@ -141,9 +168,7 @@ class Metered:
         self.prices = prices
         self.answered_by = ""
         known = None not in (price, *prices.values())
-        if self.budget.cost_usd is not None and not known:
-            advice = "Limit tokens instead, or write the price into a file of profiles"
-            raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
+        check_price(name, self.budget, price, *prices.values())
         self._transport = transport
         self._replays = replays
         self._usage = Usage(cost_usd=0.0 if known else None)
@@ -188,17 +213,15 @@ class Metered:
             if self._started is None:
                 self._started = time.monotonic()
             used, unpaid, budget, elapsed_s = self._usage, self._unpaid, self.budget, self._elapsed_s()
-            limits = (
-                (used.requests - unpaid.requests, budget.requests, f"{budget.requests} requests"),
-                (used.tokens - unpaid.tokens, budget.tokens, f"{budget.tokens} tokens"),
-                (used.cost_usd or 0.0, budget.cost_usd, f"${budget.cost_usd or 0.0:g}"),
-                (elapsed_s, budget.time_s, f"{budget.time_s or 0.0:g} s"),
+            paid = replace(
+                used,
+                requests=used.requests - unpaid.requests,
+                input_tokens=used.tokens - unpaid.tokens,
+                output_tokens=0,
+                uncounted=used.uncounted - unpaid.uncounted,
+                waited_s=elapsed_s,
             )
-            spent = next((words for use, limit, words in limits if limit is not None and use >= limit), None)
-            problem = None if spent is None else f"the budget of {spent} is used up"
-            uncounted = used.uncounted - unpaid.uncounted
-            if problem is None and uncounted and (budget.tokens, budget.cost_usd) != (None, None):
-                problem = "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
+            problem = spent_limit(paid, budget)
             if problem is None:
                 self._usage = replace(used, requests=used.requests + 1)
                 return None if budget.time_s is None else budget.time_s - elapsed_s

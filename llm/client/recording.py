@@ -31,10 +31,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
 from bddl.terminal import escape_json, pluralize
-from llm.client.budget import Budget, Metered
+from llm.client.budget import Budget, Metered, check_price
 from llm.client.local import served
 from llm.client.openai import OpenAITransport
 from llm.client.profiles import ModelProfile, Price, find_profile, tables
+from llm.client.shared import Shared
 from llm.client.transport import ChatReply, ChatRequest, Routed, Sampled, Transport, digest_of, project_version
 from llm.errors import (
     BadReply,
@@ -520,6 +521,7 @@ def connect(
     models: Mapping[int, str] = MappingProxyType({}),
     temperature: float | None = None,
     seed: int | None = None,
+    shared: Path | None = None,
 ) -> Metered:
     """Return a transport for a configuration, with usage counted in `.usage`; nothing is sent yet.
 
@@ -534,6 +536,7 @@ def connect(
         same_start: With `resume`, refuse to ask if the run's first request is not in the file.
         models: Module, 1 to 5, or judge -> configuration of its own model.
         temperature, seed: Sampling of every request; None leaves it to the server. A replay needs the same values.
+        shared: File in which processes count what they use together; the budget is then one of all of them.
 
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing; or a model takes no
@@ -548,15 +551,22 @@ def connect(
     for one in (profile, *profiles.values()):
         if temperature is not None and one is not None and not one.send_temperature:
             raise ModelConfigError(one.name, "the model takes no temperature", "Leave the temperature out")
+    prices = {module: one.price for module, one in profiles.items()}
     transport: Transport
     warnings: tuple[str, ...] = ()
+    live: Transport | None = None if profile is None else _live(profile, profiles)
+    if live is not None and profile is not None and shared is not None:
+        together, budget = budget or Budget(), None
+        check_price(profile.name, together, profile.price, *prices.values())
+        live = Shared(live, shared, name=profile.name, budget=together, price=profile.price, prices=prices)
     if file is not None:
         transport = replay = Replay(file)
         warnings = replay.warnings
-        if profile is not None:
-            transport = Continued(replay, _live(profile, profiles))
+        if live is not None:
+            transport = Continued(replay, live)
     else:
-        transport = _live(profile or find_profile(model), profiles)
+        assert live is not None
+        transport = live
     if record is not None:
         transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
         warnings = (*warnings, *recorder.notes)
@@ -568,7 +578,7 @@ def connect(
         budget=budget,
         # Recorded replies are not paid for again.
         price=Price(input=0.0, output=0.0) if profile is None else profile.price,
-        prices={} if profile is None else {module: one.price for module, one in profiles.items()},
+        prices={} if profile is None else prices,
         warnings=warnings,
         boxes=None if profile is None else profile.boxes,
         replays=profile is None,

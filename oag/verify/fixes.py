@@ -34,9 +34,9 @@ from oag.verify.fix_form import form_candidates
 from oag.verify.fix_subtasks import deletion_candidates, insertion_candidates, order_candidates
 from oag.verify.verify import Report, Verdict, verify
 
-# Most verifications for one mistake; in long plans, as many as follow this number of steps in all.
+# Most verifications for one mistake; in long plans, as many as follow this number of steps for all mistakes together.
 MOST_CHECKS = 300
-_MOST_STEPS_FOLLOWED = 30_000
+_MOST_STEPS_FOLLOWED = 20_000
 _FEWEST_CHECKS = 15
 # A changed task goal is tried last, so that it is among the fixes.
 _LAST_CHECKS = 8
@@ -89,6 +89,7 @@ class FixSearch:
     """The search for repairs of one mistake."""
 
     report: Report
+    most: int = MOST_CHECKS
     checks: int = 0
     # What kept an inserted subtask from working at the latest place that was tried for it.
     too_late: dict[str, Diagnostic] = field(default_factory=dict)
@@ -97,7 +98,7 @@ class FixSearch:
         """Return the fixes for one mistake, the best of each kind; partial ones only where none proves the plan."""
         best: dict[str, Offer] = {}
         limit: int | None = None
-        most = most_checks(self.report.task)
+        most = self.most
         for found in _candidates(mistake, in_turn=most < MOST_CHECKS):
             candidate = _with_open_flow(found, self.report)
             settled = best.get(candidate.kind)
@@ -135,7 +136,7 @@ class FixSearch:
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(part))
         idle = after.trace is not None and bool(after.trace.vacuous)
-        worse = idle or candidate.assumption
+        worse = idle or candidate.assumption or self._aims_elsewhere(candidate, task, scene, after)
         order = (not fix.proves, worse, int(candidate.cost), mistake.number, candidate.rank)
         return Offer(fix, order, idle)
 
@@ -159,6 +160,14 @@ class FixSearch:
             return True
         return bool(_verified(replace(task, goal=self.report.task.goal), scene))
 
+    def _aims_elsewhere(self, candidate: Candidate, task: Task, scene: Scene, after: Report) -> bool:
+        """Decide whether a change makes the plan one for something else.
+
+        Where no goal is given, another object or condition moves the goal with it. A closed door or a full hand is no
+        sign that something else was meant.
+        """
+        return bool(after) and candidate.kind.startswith("change-") and _aims_elsewhere(self.report, task, scene)
+
     def _remark(self, inserted: SimpleTask | None) -> str:
         """Return why an insertion would not work later in the plan."""
         finding = None if inserted is None else self.too_late.get(inserted.name)
@@ -167,6 +176,13 @@ class FixSearch:
         last = finding.subtask >= len(self.report.task.subtasks)
         where = "at the end" if last else f"before {numbered(finding.subtask)}"
         return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
+
+
+def _aims_elsewhere(report: Report, task: Task, scene: Scene) -> bool:
+    """Decide whether a changed plan without a given goal does not reach what the plan of a report aims at."""
+    if task.goal_given or report.trace is None:
+        return False
+    return not _verified(replace(task, goal=report.task.goal), scene)
 
 
 def _with_open_flow(candidate: Candidate, report: Report) -> Candidate:
@@ -185,10 +201,13 @@ def _verified(task: Task, scene: Scene) -> Report:
     return verify(complete(task, scene).task, scene)
 
 
-def most_checks(task: Task) -> int:
-    """Return how many verifications one mistake of a plan is worth."""
-    steps = sum(len(subtask.flow or ()) for subtask in task.subtasks)
-    return min(MOST_CHECKS, max(_FEWEST_CHECKS, _MOST_STEPS_FOLLOWED // (steps + 1)))
+def most_checks(task: Task, steps: int) -> int:
+    """Return how many verifications one mistake of a plan is worth, where so many steps may be followed."""
+    return min(MOST_CHECKS, max(_FEWEST_CHECKS, steps // (_length(task) + 1)))
+
+
+def _length(task: Task) -> int:
+    return sum(len(subtask.flow or ()) for subtask in task.subtasks)
 
 
 def _candidates(mistake: Mistake, *, in_turn: bool) -> list[Candidate]:
@@ -278,9 +297,9 @@ def _facts_of_formulas(report: Report) -> Iterator[Fact]:
 # Most mistakes for which fixes are searched, the first ones.
 _MOST_CAUSES = 10
 # Most fixes that together repair a plan with several mistakes.
-_MOST_TOGETHER = 10
+_MOST_TOGETHER = 20
 # Most steps that are followed in that search: in a long plan fewer fixes are tried.
-_MOST_STEPS_TOGETHER = 100_000
+_MOST_STEPS_TOGETHER = 15_000
 
 
 def find_fixes(report: Report) -> tuple[Fix, ...]:
@@ -290,7 +309,8 @@ def find_fixes(report: Report) -> tuple[Fix, ...]:
     several mistakes, the first fix removes them all.
     """
     found = mistakes(report)[:_MOST_CAUSES]
-    offered = [offer for mistake in found for offer in FixSearch(report).offers(mistake)]
+    most = most_checks(report.task, _MOST_STEPS_FOLLOWED // max(len(found), 1))
+    offered = [offer for mistake in found for offer in FixSearch(report, most).offers(mistake)]
     offered.sort(key=lambda offer: offer.order)
     fixes = list(_distinct(report, (offer.fix for offer in offered)))
     if any(fix.proves for fix in fixes):
@@ -332,12 +352,15 @@ def _together(report: Report, fixes: list[Fix]) -> list[Fix]:
         task, scene = fixes[0].apply(task), fixes[0].apply_to_scene(scene)
         current = _verified(task, scene)
         if current:
-            return chosen
+            # Each change keeps what the plan before it aims at; all of them have to keep what the given one does.
+            elsewhere = _aims_elsewhere(report, task, scene)
+            return [] if elsewhere else chosen
         if current.verdict is not Verdict.REFUTED:
             return []
-        search = FixSearch(current)
-        fixes = [offer.fix for offer in search.offers(mistakes(current)[0])]
-        left -= search.checks * sum(len(subtask.flow or ()) for subtask in task.subtasks)
+        found = mistakes(current)
+        search = FixSearch(current, most_checks(task, left // len(found)))
+        fixes = [offer.fix for offer in search.offers(found[0])]
+        left -= search.checks * _length(task)
         if left < 0:
             return []
     return []

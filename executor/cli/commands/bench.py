@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -18,8 +19,8 @@ import tyro
 from bddl.terminal import pluralize
 from executor.cli.engines import EngineOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ResultsFolder, RobotName
-from executor.cli.output import ERR, OUT, Pace, bar, print_json, say, tell
+from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ModelOptions, ResultsFolder, RobotName
+from executor.cli.output import ERR, OUT, Pace, bar, first_line, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.bench.folder import BenchFolder
@@ -65,6 +66,7 @@ class Options(EngineOptions):
     """Run units once more whose process crashed, hung, or met a mistake of the program."""
     limit_s: float = 900.0
     """Wall time that a unit may take before its process is ended."""
+    asked: ModelOptions = field(default_factory=ModelOptions)
 
 
 WORKER = "executor.bench.worker"
@@ -76,15 +78,22 @@ def execute(options: Options) -> int:
     from executor.bench.tables import bench_json, write_results
     from executor.bench.units import BenchSetting, Series
     from executor.campaign.engine import Campaign, claimed, is_done, pending
+    from executor.campaign.planning_model import ModelWatch, used_in, was_made, why_stopped
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
+    from executor.cli.planning import budget_of, planned_by_model
     from executor.scenes.generators.families import FAMILIES
 
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
     setting = BenchSetting(
-        options.flows, options.evolve, options.keep_sizes, options.full_size, robot=options.robot or ""
+        options.flows,
+        options.evolve,
+        options.keep_sizes,
+        options.full_size,
+        robot=options.robot or "",
+        model=planned_by_model(options.asked, options.workers),
     )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
@@ -98,16 +107,27 @@ def execute(options: Options) -> int:
         return write_array(options, typed_words("bench", options, "families"), count, folder.path, options.workers)
     engine, interrupted = engine_of(options, outcome_version, renders=False), False
     with claimed(folder, units, shard, claim_wait_s(), again=options.again) as jobs:
+        watch = ModelWatch()
         left, narrow = {unit.id(version) for unit, _ in jobs}, _Narrow(folder, asked, options.until)
         try:
             with _progress(folder, asked, left, quiet=options.json) as on_progress:
 
                 def note(unit: Unit, result: Mapping[str, Any]) -> None:
-                    narrow.note(unit, result)
+                    if not watch.note((result.get("failure") or {}).get("kind")):
+                        return
+                    if was_made(result):
+                        narrow.note(unit, result)
                     on_progress(unit, result)
 
-                campaign = Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine)
-                campaign.run(jobs, note, wanted=narrow.wants)
+                campaign = Campaign(
+                    folder,
+                    WORKER,
+                    options.workers,
+                    options.limit_s,
+                    more=partial(budget_of, options.asked),
+                    engine=engine,
+                )
+                campaign.run(jobs, note, wanted=lambda unit: not watch.why and narrow.wants(unit))
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -115,15 +135,22 @@ def execute(options: Options) -> int:
     endings = Counter(result["ended"] for one in asked for result in folder.results(one))
     from executor.cli.execution import command_line
 
-    hopeless = endings.total() > 0 and not endings["succeeded"]
+    hopeless = (endings.total() > 0 or watch.failed > 0 or bool(watch.why)) and not endings["succeeded"]
     if shard.of > 1:
         hopeless = not is_done(folder, units, shard)
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
+    more: dict[str, object] = {}
+    if setting.model is not None:
+        more = {"usage": used_in(folder.path).record(), "stopped_by": watch.why}
     if options.json:
-        print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
+        print_json({"ok": code == DONE, "interrupted": interrupted, **more, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting, folder)
         say(f"results in {folder.path}: report.html, summary.json, units/")
+        if setting.model is not None:
+            say(f"models of the folder, all runs together: {used_in(folder.path).summary()}")
+        if watch.why:
+            tell(f"scene2demo: {why_stopped(watch.why, 'units')}", style="yellow")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
         else:
@@ -180,7 +207,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
         for name, value in detail_rows(cell):
             say(f"  {name:35} {value}" if cell.series.family == "T7" else f"  {name:31} {value}")
         for result in cell.failed[:5]:
-            message = (result.get("failure") or {}).get("message", "")
+            message = first_line((result.get("failure") or {}).get("message", ""))
             say(f"  failed: {result['name']}  {message}", style="red")
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
@@ -227,6 +254,10 @@ def _checked(options: Options) -> Shard:
     )
     alone = options.until is None or (shard.of == 1 and options.slurm is None)
     check(alone, "--until", options.until, "no --shard and no --slurm: parts do not know of each other's units")
+    both = options.asked.model is not None and options.flows == "paper"
+    check(
+        not both, "--model", options.asked.model, "no --flows paper, which are written for the offline planner's plans"
+    )
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
     given = {
@@ -267,7 +298,7 @@ def _progress(
         def show_unit(unit: Unit, result: Mapping[str, Any]) -> None:
             endings[result["ended"]] += 1
             good, failure = result["ended"] == "succeeded", result.get("failure") or {}
-            words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
+            words = "succeeded" if good else f"{failure.get('kind')}: {first_line(failure.get('message'))}"
             done = endings.total()
             if not (shows_bar and good):
                 count = f"{done:{len(str(total))}} of {total}"

@@ -56,7 +56,7 @@ def execute(options: Options) -> int:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")
     with folder.filling(), results_writer(options.size, video=options.video, quiet=options.json) as studio:
         began = time.perf_counter()
-        again = replay(recorded)
+        again = replay(recorded, bench.answers(recorded))
         wall = {"planning and physics": time.perf_counter() - began}
         record = RunRecord(
             graph=again.graph,

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -30,16 +31,18 @@ from executor.cli.options import (
     FullSize,
     KeepSizes,
     Maybe,
+    ModelOptions,
     Plain,
     RepairScene,
     ResultsFolder,
     RobotName,
     View,
 )
-from executor.cli.output import ERR, Pace, bar, counting, print_json, say, tell
+from executor.cli.output import ERR, Pace, bar, counting, first_line, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.campaign.engine import Campaign, Shard
+    from executor.campaign.planning_model import PlanningModel
     from executor.data.generation import EpisodeCallback, Goals, Limits, Tally
     from executor.data.store import EpisodeStore
     from executor.data.units import DemoSeries, DemoUnit
@@ -113,6 +116,7 @@ class Options(EngineOptions):
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
     """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
+    asked: ModelOptions = field(default_factory=ModelOptions)
 
 
 _BYTES_PER_GB = 10**9
@@ -125,6 +129,7 @@ def execute(options: Options) -> int:
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.cli.execution import read_shard
+    from executor.cli.planning import budget_of, planned_by_model
     from executor.data.generation import WORKER
     from executor.data.store import EpisodeStore
     from executor.data.views import check_drawable
@@ -132,6 +137,12 @@ def execute(options: Options) -> int:
     from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
+    model = planned_by_model(options.asked, options.workers)
+    if model is not None:
+        unlike = {"--repair": options.repair, "--flows paper": options.flows == "paper"}
+        for name in (name for name, given in unlike.items() if given):
+            raise BadOption("--model", options.asked.model, f"no {name}: that is for the offline planner's plans")
+        series = tuple(_with_model(one, model) for one in series)
     counted = next((one for one in series if one.successes is not None), None)
     check(
         counted is None or (shard.of == 1 and options.slurm is None),
@@ -161,7 +172,14 @@ def execute(options: Options) -> int:
         words = typed_words("generate", options, "what")
         return write_array(options, words, sum(one.episodes for one in series), options.out, options.workers)
     engine = engine_of(options, outcome_version, renders=renders)
-    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s, engine=engine)
+    campaign = Campaign(
+        EpisodeStore(options.out),
+        WORKER,
+        options.workers,
+        options.limit_s,
+        more=partial(budget_of, options.asked),
+        engine=engine,
+    )
     unvaried = {"unvaried": [one.first.origin.query for one in alike]}
     code = make_missing(
         campaign,
@@ -177,6 +195,14 @@ def execute(options: Options) -> int:
     with suppress(Scene2DemoError, OSError, ValueError, KeyError, TypeError):
         StoreListing(options.out).rows()
     return code
+
+
+def _with_model(one: DemoSeries, model: PlanningModel) -> DemoSeries:
+    """Return a series whose units a model plans."""
+    try:
+        return replace(one, first=replace(one.first, model=model))
+    except ValueError as problem:
+        raise BadOption("--model", model.name, str(problem)) from None
 
 
 def make_missing(
@@ -203,6 +229,7 @@ def make_missing(
         as_json: Whether the outcome is printed as JSON.
     """
     from executor.campaign.engine import WHOLE, claimed, is_done
+    from executor.campaign.planning_model import used_in
     from executor.campaign.versions import outcome_version
     from executor.data.generation import NO_LIMITS, Goals, Tally, generate
     from executor.data.store import EpisodeStore
@@ -224,6 +251,8 @@ def make_missing(
             except KeyboardInterrupt:
                 interrupted = True
     done = None if shard is None or shard.of == 1 else is_done(store, jobs, shard)
+    if any(one.first.model is not None for one in series):
+        more = {**more, "usage": used_in(store.path).record()}
     return finished(store, tally, more, interrupted=interrupted, done=done, as_json=as_json)
 
 
@@ -372,7 +401,7 @@ def _show_progress(tally: Tally, goals: Goals, total: int, remaining: int, *, qu
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             good = result["ended"] == "succeeded"
-            words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
+            words = "succeeded" if good else f"{result.get('kind')}: {first_line(result.get('message'))}"
             tried, there = tally.endings.total(), goals.there if wanted else tally.endings.total()
             if not (shows_bar and good):
                 count = f"{there:{len(str(wanted or total))}} of {wanted or total}"
@@ -416,9 +445,12 @@ def finished(
         done: Of a part: whether it did its work, which decides the code instead; None of a whole request.
         as_json: Whether it is printed as JSON.
     """
+    from executor.campaign.planning_model import NO_REPLIES, OUT_OF_BUDGET, why_stopped
     from executor.cli.execution import command_line
+    from llm import Usage
 
-    failed = tally.endings.total() > 0 and not tally.endings["succeeded"] if done is None else not done
+    tried = tally.endings.total() > 0 or tally.stopped_by in (OUT_OF_BUDGET, NO_REPLIES)
+    failed = tried and not tally.endings["succeeded"] if done is None else not done
     code = INTERRUPTED if interrupted else FAILED if failed else DONE
     each = max(tally.kept, 1)
     numbers = {
@@ -438,10 +470,12 @@ def finished(
         say(f"{'made now':11} {tally.made}, {numbers['kept_an_hour']} demonstrations an hour, {cost}")
     for kind, count in tally.kinds.most_common():
         say(f"{'failed':11} {count} x {kind}")
+    if "usage" in more:
+        say(f"{'model':11} {Usage(**more['usage']).summary()}")
     say(f"{'store':11} {store.path}; scene2demo view {store.path} shows each episode")
     if tally.endings["succeeded"] and not (interrupted or tally.stopped_by):
         say(f"{'next':11} {command_line('dataset audit', store.path)}")
     if interrupted or tally.stopped_by:
-        why = "interrupted" if interrupted else f"stopped: {tally.stopped_by} is used up"
-        tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")
+        words = "interrupted; finished episodes are kept, the same command goes on"
+        tell(f"scene2demo: {words if interrupted else why_stopped(tally.stopped_by, 'episodes')}", style="yellow")
     return code
