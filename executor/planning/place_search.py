@@ -154,6 +154,7 @@ class PlaceSearch:
         support: Id of what the thing is put on or in.
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
+        to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
     """
 
     planner: Planner
@@ -161,6 +162,7 @@ class PlaceSearch:
     support: str
     regions: list[Region]
     q: Array
+    to_come_m: float = 0.0
 
     @property
     def carried(self) -> Carried:
@@ -244,8 +246,16 @@ class PlaceSearch:
 
     def _goals(self) -> list[HandGoal]:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
-        seed = self.planner.seed
-        return placement_goals(self.world, self.carried, self.support, self.regions, self.q, pitch_rad, seed=seed)
+        return placement_goals(
+            self.world,
+            self.carried,
+            self.support,
+            self.regions,
+            self.q,
+            pitch_rad,
+            seed=self.planner.seed,
+            to_come_m=self.to_come_m,
+        )
 
     def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
         """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.

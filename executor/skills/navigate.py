@@ -551,8 +551,10 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
 
 
 def _search(session: Session, support: str) -> PlaceSearch:
-    regions = regions_for(session.world, session.subtask)
-    return PlaceSearch(session.planner, session.believed, support, regions, session.q)
+    regions, assets = regions_for(session.world, session.subtask), session.believed.assets
+    later = {one.target for one in session.later if one.support_goal == support} - {session.subtask.target}
+    to_come_m = max((max(assets[name].extent_m[:2]) for name in later if name in assets), default=0.0)
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m)
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
