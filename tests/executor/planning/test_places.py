@@ -127,3 +127,24 @@ def test_in_a_bowl_with_something_in_it_a_place_is_found_between() -> None:
     for spot in found:
         assert np.hypot(*np.maximum(np.abs(spot.point_m[:2]) - 0.018, 0.0)) >= 0.02 + APART_M - 1e-9
         assert np.hypot(*spot.point_m[:2]) <= 0.07 - 0.02 + 1e-9
+
+
+@pytest.mark.parametrize(("half_m", "to_come_m", "aside"), [(0.07, 0.045, True), (0.07, 0.0, False), (0.11, 0.045, False)])
+def test_in_a_bowl_a_thing_leaves_room_for_what_comes_later(half_m: float, to_come_m: float, aside: bool) -> None:
+    bowl = Region("hollow", "interior", "bowl", (0.0, 0.0, 0.02), (half_m, half_m, 0.02), (0.0, 0.0, 1.0))
+
+    def found(width_m: float, to_come_m: float, others: dict[str, Footprint]) -> list[PlacementSpot]:
+        rng = spot_rng(0, "die_0", "bowl_0", "hollow")
+        return spots(bowl, np.eye(4), width_m, np.zeros(3), height_m=0.04, others=others, rng=rng, to_come_m=to_come_m)
+
+    first = found(WIDTH_M, to_come_m, {})
+    assert first
+    if not aside:
+        assert [tuple(s.point_m) for s in first] == [tuple(s.point_m) for s in found(WIDTH_M, 0.0, {})]
+        return
+    for spot in first:
+        x, y, _ = spot.point_m
+        taken = Footprint.around(np.array([x, y, 0.025]), np.full(3, WIDTH_M / 2 / np.sqrt(2)))
+        assert found(to_come_m, 0.0, {"die_0": taken}), "the later thing has a place"
+    middle = {"die_0": Footprint.around(np.array([0.0, 0.0, 0.025]), np.full(3, WIDTH_M / 2))}
+    assert not found(to_come_m, 0.0, middle)
