@@ -450,6 +450,9 @@ def placement_goals(
         rng = spot_rng(seed, carried.object_id, support, region.name)
         for spot in spots(region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
+            if region.opening[2] <= UPWARD and not world.model.keeps_order:
+                # From higher up it would be in the board above, wherever the robot stands.
+                gaps_m = tuple(gap_m for gap_m in gaps_m if height_m + gap_m <= 2 * region.half_extents_m[2])
             if forecast:
                 gaps_m = gaps_m[-1:] if region.opening[2] > UPWARD else gaps_m[:1]
             for rank, gap_m in enumerate(gaps_m):
