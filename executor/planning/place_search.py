@@ -353,7 +353,7 @@ def lowerings_m(regions: Collection[Region], height_m: float = 0.0) -> tuple[flo
 def rise_m(region: Region, height_m: float) -> float:
     """Return by how much a thing of a height may be raised on its way into a region: at most `THROUGH_M`."""
     room_m = 2 * region.half_extents_m[2] - height_m - UNDER_BOARD_M
-    fits = region.opening[2] <= UPWARD and LOW_M <= room_m
+    fits = region.opening[2] <= UPWARD and room_m >= LOW_M
     return min(room_m, THROUGH_M) if fits else THROUGH_M
 
 
@@ -479,7 +479,10 @@ class PlacementLookahead:
         """Return whether a hand can place the item, and whether all candidates were looked at within the budget."""
         world, oracle = self._world, self._planner.oracle
         carried = carried_by(world, self._item, goal.T_world_eef, self._cargo)
-        robot, height_m = self._planner.robot, 0.0 if self._planner.robot.keeps_order else world.assets[self._item].extent_m[2]
+        robot, height_m = (
+            self._planner.robot,
+            0.0 if self._planner.robot.keeps_order else world.assets[self._item].extent_m[2],
+        )
         rises_m = {r.name: OVER_M if r.opening[2] > UPWARD else rise_m(r, height_m) for r in self._regions}
         wanted = placement_goals(
             world,

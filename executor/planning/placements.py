@@ -448,7 +448,9 @@ def placement_goals(
         width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
         T_link = T_link if slid is None else slid @ T_link
         rng = spot_rng(seed, carried.object_id, support, region.name)
-        for spot in spots(region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m):
+        for spot in spots(
+            region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m
+        ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
             if region.opening[2] <= UPWARD and not world.model.keeps_order:
                 # From higher up it would be in the board above, wherever the robot stands.

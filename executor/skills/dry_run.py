@@ -234,7 +234,7 @@ class DryWorld(World):
                 fallen_m += step_m
 
     def _slide_inwards(self, items: tuple[str, ...]) -> None:
-        """Let an item slide down the wall of a bowl or box that it fell onto, as far as the wall is too steep for it."""
+        """Let an item slide down the wall of a bowl or box that it fell onto, as far as the wall is steep."""
         middle = self._middle_of_hollow(items[0])
         while middle is not None:
             before = {item: self._poses[item] for item in items}

@@ -16,9 +16,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from bddl import atoms
-from executor.assets.asset_geometry import bounds
 from executor.assets.model import Asset, Handle, Region
-from executor.geometry import Array, heading_of, inverse, wrap_angle
+from executor.geometry import Array, heading_of, wrap_angle
 from executor.planning.articulation import ArticulationTask
 from executor.planning.articulation_stances import (
     Purpose,
@@ -29,6 +28,7 @@ from executor.planning.articulation_stances import (
     handles_to_open,
     open_joints,
 )
+from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
 from executor.planning.grasps import item_goals
@@ -64,7 +64,6 @@ ARTICULATIONS_LOOKED_AT = 12
 ELSEWHERE_M = 0.25  # Places nearer to each other share their paths.
 DRIVE_SPEED = 1.0  # Of the limits: nothing is near.
 ARM_SPEED = 1.0
-OUT_BY_M = 0.02  # What is taken out is so far beyond the front: ten times what the robot is off its path.
 _ROUNDING_M = 1e-6
 _CORRECTING = (
     Primitive.MOVE_EEF_FORWARD,
@@ -283,18 +282,10 @@ def _retreat_holding(session: Session, action: Action) -> StepResult:
 
 def _is_out(session: Session, end: Array) -> bool:
     """Return whether what is held is outside of what it is taken out of, at a configuration (Q,)."""
-    planner, world, within = session.planner, session.believed, session.subtask.support_init
-    carried = planner.oracle.carried
-    if carried is None or within not in world.assets:
+    carried, within = session.planner.oracle.carried, session.subtask.support_init
+    if carried is None or within is None or within not in session.believed.assets:
         return True
-    asset, T = world.assets[carried.object_id], planner.kinematics.forward(end) @ carried.T_eef_object
-    middle = T[:3, 3] + np.mean(bounds(asset, T[:3, :3]), axis=0)
-    for region in world.assets[within].regions:
-        if region.kind == "interior":
-            local = (inverse(world.T_world_link(within, region.link)) @ np.array([*middle, 1.0]))[:3]
-            if (np.abs(local - np.array(region.center_m)) < np.array(region.half_extents_m) + OUT_BY_M).all():
-                return False
-    return True
+    return is_outside(session.believed, carried, within, session.planner.kinematics.forward(end))
 
 
 _NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
