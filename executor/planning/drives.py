@@ -302,7 +302,9 @@ def _slide_home(
     """Return a slide of the base and the arm's path home from there, or None."""
     withdraw_m, home, base = planner.robot.withdraw_m, np.array(planner.robot.home), planner.robot.base
     free = _free_slides(planner, q, headings)
-    slides = ((distance_m, out) for distance_m, out in free if is_out(np.concatenate([out[1][base], home])))
+    slides: Iterator[tuple[float, Array]] = (
+        (distance_m, out) for distance_m, out in free if is_out(np.concatenate([out[1][base], home]))
+    )
     if not planner.robot.keeps_order:
         # Out of a compartment most ways home are straight, or there is none: trees grow where the arm is farthest out.
         known: list[tuple[float, Array]] = []
