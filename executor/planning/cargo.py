@@ -9,11 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, inverse
 from executor.sim.detectors import touching_bodies
 from executor.sim.engine import ROBOT
 from executor.sim.world import World
 
+OUT_BY_M = 0.02  # What is outside is so far beyond the front: ten times what the robot is off its path.
 EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
 
 
@@ -61,6 +63,23 @@ def carried_by(
     if cargo and upward is None:
         upward = T_world_eef[2, :3]
     return Carried(object_id, T_eef_world @ world.T_world_link(object_id), poses, upward)
+
+
+def is_outside(world: World, carried: Carried, within: str, T_world_eef: Array) -> bool:
+    """Return whether the middle of what a hand carries is outside of all interiors of an object.
+
+    Args:
+        within: The object's id; its joints are where they are now.
+        T_world_eef: (4, 4) pose of the hand.
+    """
+    asset, T = world.assets[carried.object_id], T_world_eef @ carried.T_eef_object
+    middle = T[:3, 3] + np.mean(bounds(asset, T[:3, :3]), axis=0)
+    for region in world.assets[within].regions:
+        local = (inverse(world.T_world_link(within, region.link)) @ np.array([*middle, 1.0]))[:3]
+        off = np.abs(local - np.array(region.center_m))
+        if region.kind == "interior" and (off < np.array(region.half_extents_m) + OUT_BY_M).all():
+            return False
+    return True
 
 
 def cargo_of(world: World, object_id: str) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ posture.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -266,30 +266,45 @@ def _pushes(planner: Planner, path: Array) -> bool:
     )
 
 
-def go_home(planner: Planner, q: Array) -> Array | None:
+def _anywhere(_: Array) -> bool:
+    return True
+
+
+def go_home(planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere) -> Array | None:
     """Return a free path (N, Q), q first, to the arm's home posture, or None.
 
     The base backs out straight where it has to, then aside. Where nothing straight is free, it drives to the nearest
     place where the arm has room.
+
+    Args:
+        q: (Q,) where the robot is.
+        is_out: Whether the path may end in a configuration (Q,): with the arm at home a hand may still be within
+            what it reached into.
     """
-    straight = _straight_home(planner, q)
-    return straight if straight is not None else _drive_home(planner, q)
+    straight = _straight_home(planner, q, is_out)
+    return straight if straight is not None else _drive_home(planner, q, is_out)
 
 
-def _straight_home(planner: Planner, q: Array) -> Array | None:
+def _straight_home(planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere) -> Array | None:
     back = [float(q[2]) + np.pi]
     T = planner.kinematics.forward(q)
     if abs(pitch_of(T)) < np.deg2rad(60.0):
         back.append(heading_of(-T[:3, 2]))
     with planner.oracle.leaving(q):
-        straight = _slide_home(planner, q, back) or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD])
+        straight = _slide_home(planner, q, back, is_out)
+        straight = straight or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD], is_out)
     return None if straight is None else np.concatenate(straight)
 
 
-def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
+def _slide_home(
+    planner: Planner, q: Array, headings: list[float], is_out: Callable[[Array], bool]
+) -> list[Array] | None:
     """Return a slide of the base and the arm's path home from there, or None."""
-    withdraw_m, home = planner.robot.withdraw_m, np.array(planner.robot.home)
-    slides = _free_slides(planner, q, headings)
+    withdraw_m, home, base = planner.robot.withdraw_m, np.array(planner.robot.home), planner.robot.base
+    free = _free_slides(planner, q, headings)
+    slides: Iterator[tuple[float, Array]] = (
+        (distance_m, out) for distance_m, out in free if is_out(np.concatenate([out[1][base], home]))
+    )
     if not planner.robot.keeps_order:
         # Out of a compartment most ways home are straight, or there is none: trees grow where the arm is farthest out.
         known: list[tuple[float, Array]] = []
@@ -342,13 +357,15 @@ def _is_behind_a_wall(planner: Planner, q: Array) -> bool:
         return planner.oracle.is_path_free(segment(planner.robot, *back)) and _meets_a_wall(planner, *back)
 
 
-def _drive_home(planner: Planner, q: Array) -> Array | None:
+def _drive_home(planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere) -> Array | None:
     """Return a drive to a place where the arm can go home, and its path home from there, or None."""
     tried = 0
     for distance_m, heading in itertools.product(DRIVE_M, DRIVE_HEADINGS_RAD):
         there = base_move(q, distance_m, float(q[2]) + np.pi + heading)[1]
         home = np.concatenate([there[planner.robot.base], planner.robot.home])
         if not (planner.oracle.is_free(there) and planner.oracle.is_free(home, margin_m=DRIVE_MARGIN_M)):
+            continue
+        if not is_out(home):
             continue
         tried += 1
         way = planner.base_path(q, there[planner.robot.base], iterations=300)

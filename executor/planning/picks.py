@@ -111,12 +111,12 @@ class Pick:
             yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances of last resort: near the item's top, or from close by."""
-        lift = self._lifting()
+        """Yield stances of last resort: near the item's top, from close by, or with the arm nearly stretched."""
+        lift, robot = self._lifting(), self.planner.robot
         yield from self._search(top_goals(self._asset, self._T_item), lift)
-        yield from self._search(
-            item_goals(self._hand, self._asset, self._T_item), lift, self.planner.robot.close_reaches_m
-        )
+        for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
+            if reaches_m:
+                yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)
 
     @property
     def _hand(self) -> HandShape:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,9 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
     Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
 }
+LOW_M = 0.012
+"""How far a thing comes down where a usual length does not fit between it and the board above."""
+
 OTHER_LENGTHS_M = (0.10, 0.05)  # Short: the base has brought the hand near.
 OVER_RIM_M = 0.03
 """How far above the rim of a drawer a thing is brought in: arms are off their paths by millimetres, and things lean."""
@@ -154,6 +157,7 @@ class PlaceSearch:
         support: Id of what the thing is put on or in.
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
+        to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
     """
 
     planner: Planner
@@ -161,6 +165,7 @@ class PlaceSearch:
     support: str
     regions: list[Region]
     q: Array
+    to_come_m: float = 0.0
 
     @property
     def carried(self) -> Carried:
@@ -182,7 +187,7 @@ class PlaceSearch:
         Raises:
             ValueError: Nothing is carried.
         """
-        goals, options = self._goals(), fill_options(moves, lowerings_m(self.regions))
+        goals, options = self._goals(), fill_options(moves, self._lowerings_m())
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         robot = self.planner.robot
         blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
@@ -232,7 +237,7 @@ class PlaceSearch:
         releases = itertools.islice(
             _releases(standing, solver, floor, BlockedGoals(self.planner.robot)), EXPLAINING_CONFIGURATIONS
         )
-        options = fill_options(moves, lowerings_m(self.regions))
+        options = fill_options(moves, self._lowerings_m())
         met = [self._met(release, options[0]) for _, (release, *_) in releases]
         if not met:
             miss = nearest_miss(self.planner.kinematics, standing[:MISS_CANDIDATES])
@@ -242,10 +247,22 @@ class PlaceSearch:
         first, count = common[0]
         return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", (found,))
 
+    def _lowerings_m(self) -> tuple[float, ...]:
+        height_m = self.world.assets[self.carried.object_id].extent_m[2]
+        return lowerings_m(self.regions, 0.0 if self.planner.robot.keeps_order else height_m)
+
     def _goals(self) -> list[HandGoal]:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
-        seed = self.planner.seed
-        return placement_goals(self.world, self.carried, self.support, self.regions, self.q, pitch_rad, seed=seed)
+        return placement_goals(
+            self.world,
+            self.carried,
+            self.support,
+            self.regions,
+            self.q,
+            pitch_rad,
+            seed=self.planner.seed,
+            to_come_m=self.to_come_m,
+        )
 
     def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
         """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.
@@ -316,15 +333,28 @@ class PlaceSearch:
         return "the way there is not free"
 
 
-def lowerings_m(regions: Iterable[Region]) -> tuple[float, ...]:
+def lowerings_m(regions: Collection[Region], height_m: float = 0.0) -> tuple[float, ...]:
     """Return the candidate lengths of LIFT_EEF_DOWN over some regions, the preferred one first.
 
     Into what is deep and open at the top, such as a drawer, the hand may come down by all of the depth: it gets in over
-    the front, which is as high.
+    the front, which is as high. Under a board there may be no room for more than a little.
+
+    Args:
+        regions: Where something is put.
+        height_m: Its height.
     """
     usual = LENGTHS_M[Primitive.LIFT_EEF_DOWN]
+    if any(rise_m(region, height_m) < min(usual) for region in regions):
+        usual = (*usual, LOW_M)
     depths_m = {2 * r.half_extents_m[2] for r in regions if r.kind == "interior" and r.opening[2] > UPWARD}
     return usual + tuple(round(depth_m + OVER_RIM_M, 2) for depth_m in sorted(depths_m) if depth_m > max(usual))
+
+
+def rise_m(region: Region, height_m: float) -> float:
+    """Return by how much a thing of a height may be raised on its way into a region: at most `THROUGH_M`."""
+    room_m = 2 * region.half_extents_m[2] - height_m - UNDER_BOARD_M
+    fits = region.opening[2] <= UPWARD and room_m >= LOW_M
+    return min(room_m, THROUGH_M) if fits else THROUGH_M
 
 
 def fill_options(moves: tuple[Action, ...], downs_m: tuple[float, ...]) -> list[tuple[Action, ...]]:
@@ -377,6 +407,7 @@ FORECAST_CANDIDATES = 200
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
+UNDER_BOARD_M = 0.008  # What a thing keeps from the board above and, before it is let go of, from the one below.
 SLIDE_M = 0.25  # How far before its place the hand slides in from.
 
 
@@ -448,7 +479,11 @@ class PlacementLookahead:
         """Return whether a hand can place the item, and whether all candidates were looked at within the budget."""
         world, oracle = self._world, self._planner.oracle
         carried = carried_by(world, self._item, goal.T_world_eef, self._cargo)
-        upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
+        robot, height_m = (
+            self._planner.robot,
+            0.0 if self._planner.robot.keeps_order else world.assets[self._item].extent_m[2],
+        )
+        rises_m = {r.name: OVER_M if r.opening[2] > UPWARD else rise_m(r, height_m) for r in self._regions}
         wanted = placement_goals(
             world,
             carried,
@@ -462,16 +497,15 @@ class PlacementLookahead:
         )
         oracle.carried = carried
         try:
-            candidates = base_candidates(self._planner.robot, wanted, self._here, TURNS_RAD)
-            robot, looked_at = self._planner.robot, 0
+            candidates, looked_at = base_candidates(robot, wanted, self._here, TURNS_RAD), 0
             blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
             budget = budget if robot.keeps_order else min(budget, FORECAST_CANDIDATES)
             for candidate in candidates if robot.keeps_order else sides.roomy_first(candidates):
-                rise_m = OVER_M if upward[candidate.goal.region] else THROUGH_M
+                raised_m = rises_m[candidate.goal.region]
                 if robot.keeps_order:
-                    way_in = self._has_way_in(candidate, rise_m)
+                    way_in = self._has_way_in(candidate, raised_m)
                 else:
-                    way_in = self._leads_in(candidate, rise_m, blocked, sides)
+                    way_in = self._leads_in(candidate, raised_m, blocked, sides)
                 if way_in:
                     return True, False
                 looked_at += way_in is not None
@@ -481,10 +515,10 @@ class PlacementLookahead:
         finally:
             oracle.carried = None
 
-    def _has_way_in(self, candidate: BaseCandidate, rise_m: float) -> bool | None:
+    def _has_way_in(self, candidate: BaseCandidate, raised_m: float) -> bool | None:
         """Return whether a release posture and a slide in above it are free; None where it has no posture."""
         above = candidate.goal.T_world_eef.copy()
-        above[2, 3] += rise_m
+        above[2, 3] += raised_m
         base = candidate.base
         entries = self._solver.solve(above, base, either_side=False)[:2]
         if not (entries and self._floor.at(base)):
@@ -497,7 +531,7 @@ class PlacementLookahead:
         return any(released) and any(self._slides_in(np.concatenate([base, s.arm])) for s in entries)
 
     def _leads_in(
-        self, candidate: BaseCandidate, rise_m: float, blocked: BlockedGoals, sides: HeadingStatistics
+        self, candidate: BaseCandidate, raised_m: float, blocked: BlockedGoals, sides: HeadingStatistics
     ) -> bool | None:
         """Decide the same as `_has_way_in`; ask first what excludes most: a hand that meets something, the floor.
 
@@ -515,7 +549,7 @@ class PlacementLookahead:
         if not free:
             return False
         above = goal.T_world_eef.copy()
-        above[2, 3] += rise_m
+        above[2, 3] += raised_m
         entries = self._solver.solve(above, base, either_side=False)[:2]
         return any(self._slides_in(np.concatenate([base, solution.arm])) for solution in entries)
 

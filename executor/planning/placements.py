@@ -51,6 +51,7 @@ DRAWS = 12  # Samples: so many that one or more is in reach, since a table again
 HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; each is tried from twelve headings.
 HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
 SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
+ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what comes later: things slide a little.
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
 SET_COST = 0.25
 """Extra cost of a fixed spot over the first sampled one: as much as all samples, so it is taken where these fail."""
@@ -94,8 +95,11 @@ def spots(
     height_m: float = 0.0,
     others: Mapping[str, Footprint] = MappingProxyType({}),
     rng: np.random.Generator | None = None,
+    to_come_m: float = 0.0,
 ) -> list[PlacementSpot]:
     """Return free spots in a region, the preferred ones first: sampled ones, then fixed ones within reach.
+
+    In the middle of a bowl or box a thing takes the room of all others: where more is to come, it goes to a side.
 
     Args:
         region: The region, in its link's frame.
@@ -105,6 +109,7 @@ def spots(
         height_m: Height of the thing.
         others: id -> what else stands in the world.
         rng: Samples the spots; without it there are the fixed ones alone.
+        to_come_m: Width of the widest thing that is put into the region later; 0 where nothing is.
     """
     floor = _Floor.of(region, T_world_link, footprint_m)
 
@@ -120,6 +125,8 @@ def spots(
 
     if rng is None:
         return free(floor.fixed_spots(here))
+    if to_come_m and (aside := free(floor.spots_aside(to_come_m))):
+        return aside
     drawn = free(floor.sample_spots(here, rng))
     found = drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.fixed_spots(here))]
     return found or free(floor.spots_between())
@@ -209,12 +216,34 @@ class _Floor:
 
     def spots_between(self) -> Iterator[PlacementSpot]:
         """Yield spots all over a bowl's or box's inside, for one that has things in it."""
+        room_m = self._room_m(self.footprint_m)
+        for share in SHARES_BETWEEN:
+            yield from self._around_middle(share * room_m, DRAW_COST * share)
+
+    def spots_aside(self, to_come_m: float) -> Iterator[PlacementSpot]:
+        """Yield spots in a bowl or box beside which a thing of a width [m] has room too, the innermost first.
+
+        Both share the room, since what is near to a bowl's wall lies high. There are none where it has room beside the
+        middle, or nowhere.
+        """
+        apart_m = (self.footprint_m + to_come_m) / 2 + APART_M
+        least_m = apart_m - self._room_m(to_come_m)
+        if least_m > 0.0:
+            for rank, more_m in enumerate(ASIDE_M):
+                off_m = max(apart_m / 2, least_m) + more_m
+                if off_m <= self._room_m(self.footprint_m):
+                    yield from self._around_middle(off_m, DRAW_COST * rank)
+
+    def _around_middle(self, off_m: float, cost: float) -> Iterator[PlacementSpot]:
+        """Yield spots on a ring around the middle of what is small and has walls."""
         if self._is_small and self.is_within:
-            room_m = max(float(min(self.half[:2])) - self.footprint_m / 2, 0.0)
-            for share, turn in itertools.product(SHARES_BETWEEN, range(HEADINGS)):
+            for turn in range(HEADINGS):
                 angle = 2 * np.pi * turn / HEADINGS
-                off_m = share * room_m
-                yield self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), DRAW_COST * share)
+                yield self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), cost)
+
+    def _room_m(self, width_m: float) -> float:
+        """Return how far off the middle of what is small a thing of a width may be [m]."""
+        return max(float(min(self.half[:2])) - width_m / 2, 0.0)
 
     def _on_ring(self, here: Array, ring_m: float, turn: float, cost: float) -> PlacementSpot | None:
         """Return the spot at a distance and direction (share of a full turn) from the robot; None beyond the floor's
@@ -395,6 +424,7 @@ def placement_goals(
     seed: int,
     forecast: bool = False,
     slid: Array | None = None,
+    to_come_m: float = 0.0,
 ) -> list[HandGoal]:
     """Return the hand poses that hold a thing over the free spots of a support's regions.
 
@@ -407,6 +437,7 @@ def placement_goals(
         seed: Of the episode: spots are sampled from it.
         forecast: Whether one fall is enough for each region: the highest into what is open at the top, else the lowest.
         slid: (4, 4) by what the regions will have moved until then, in the world.
+        to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
     """
     asset, own = world.assets[carried.object_id], (*carried.ids, support)
     loose = world.assets if support == FLOOR else world.dynamic_ids
@@ -417,8 +448,13 @@ def placement_goals(
         width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
         T_link = T_link if slid is None else slid @ T_link
         rng = spot_rng(seed, carried.object_id, support, region.name)
-        for spot in spots(region, T_link, width_m, here, height_m=height_m, others=others, rng=rng):
+        for spot in spots(
+            region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m
+        ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
+            if region.opening[2] <= UPWARD and not world.model.keeps_order:
+                # From higher up it would be in the board above, wherever the robot stands.
+                gaps_m = tuple(gap_m for gap_m in gaps_m if height_m + gap_m <= 2 * region.half_extents_m[2])
             if forecast:
                 gaps_m = gaps_m[-1:] if region.opening[2] > UPWARD else gaps_m[:1]
             for rank, gap_m in enumerate(gaps_m):

@@ -42,6 +42,10 @@ FALL_STEP_M = 0.004  # Thinner than what things are put on.
 SUNK_M = 0.0002
 MOST_FALL_M = 2.5
 MOST_RISE_M = 0.03  # By which a thing that is set upright, or was pressed down, is raised at most.
+SLIDE_STEP_M = 0.004
+"""What sinks by more than a step to the side slides: no friction between things and bowls, 0.8, holds at 45 degrees."""
+
+OVER_RIM_M = 0.03  # The middle of what leans on a rim from within is not higher.
 RIGHTS_ITSELF_DEG = 25.0
 """A thing that is let go of with less tilt stands up; with more it stays as it is, and the goal's reading counts."""
 
@@ -216,6 +220,10 @@ class DryWorld(World):
         while self._sunk(items) and risen_m < MOST_RISE_M:
             self._lift(items, FALL_STEP_M / 2)
             risen_m += FALL_STEP_M / 2
+        self._fall(items)
+        self._slide_inwards(items)
+
+    def _fall(self, items: tuple[str, ...]) -> None:
         fallen_m, step_m = 0.0, FALL_STEP_M
         while fallen_m < MOST_FALL_M and step_m > SUNK_M / 2:
             self._lift(items, -step_m)
@@ -224,6 +232,35 @@ class DryWorld(World):
                 step_m /= 2
             else:
                 fallen_m += step_m
+
+    def _slide_inwards(self, items: tuple[str, ...]) -> None:
+        """Let an item slide down the wall of a bowl or box that it fell onto, as far as the wall is steep."""
+        middle = self._middle_of_hollow(items[0])
+        while middle is not None:
+            before = {item: self._poses[item] for item in items}
+            at = before[items[0]][:3, 3]
+            towards, step = middle[:2] - at[:2], np.eye(4)
+            away_m = float(np.hypot(*towards))
+            if away_m < SLIDE_STEP_M:
+                return
+            step[:2, 3] = SLIDE_STEP_M / away_m * towards
+            self._move(items, step)
+            if not self._sunk(items):
+                self._fall(items)
+            if at[2] - self._poses[items[0]][2, 3] < SLIDE_STEP_M:
+                for item, T in before.items():
+                    self.put(item, T)
+                return
+
+    def _middle_of_hollow(self, item: str) -> Array | None:
+        """Return the middle (3,) of the bowl or box that an item is over; None where it is over none."""
+        for vessel in self.dynamic_ids:
+            for region in self.assets[vessel].regions if vessel != item else ():
+                middle = (self.T_world_link(vessel, region.link) @ np.array([*region.center_m, 1.0]))[:3]
+                off = np.abs(self._poses[item][:3, 3] - middle)
+                if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_RIM_M).all():
+                    return np.asarray(middle)
+        return None
 
     def _move(self, items: Iterable[str], T: Array) -> None:
         for item in items:

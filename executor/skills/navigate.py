@@ -28,6 +28,7 @@ from executor.planning.articulation_stances import (
     handles_to_open,
     open_joints,
 )
+from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
 from executor.planning.grasps import item_goals
@@ -271,12 +272,20 @@ def leave(session: Session) -> StepResult:
 
 def _retreat_holding(session: Session, action: Action) -> StepResult:
     session.sync_planner()
-    path = go_home(session.planner, session.q)
+    path = go_home(session.planner, session.q, lambda end: _is_out(session, end))
     if path is None:
         message = f"no free way back with {session.hand.held} in the hand"
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message))
     monitor = session.monitor(session.hand.lifted_from)
     return session.done(action, failure=session.control.follow(path, speed=RETREAT_SPEED, monitor=monitor))
+
+
+def _is_out(session: Session, end: Array) -> bool:
+    """Return whether what is held is outside of what it is taken out of, at a configuration (Q,)."""
+    carried, within = session.planner.oracle.carried, session.subtask.support_init
+    if carried is None or within is None or within not in session.believed.assets:
+        return True
+    return is_outside(session.believed, carried, within, session.planner.kinematics.forward(end))
 
 
 _NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
@@ -533,8 +542,10 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
 
 
 def _search(session: Session, support: str) -> PlaceSearch:
-    regions = regions_for(session.world, session.subtask)
-    return PlaceSearch(session.planner, session.believed, support, regions, session.q)
+    regions, assets = regions_for(session.world, session.subtask), session.believed.assets
+    later = {one.target for one in session.later if one.support_goal == support} - {session.subtask.target}
+    to_come_m = max((max(assets[name].extent_m[:2]) for name in later if name in assets), default=0.0)
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m)
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:

@@ -99,6 +99,7 @@ class Robot:
         wrist_m: From the wrist to between the fingertips.
         reaches_m: From the base's axis to the hand, the most comfortable first.
         close_reaches_m: Reaches with the elbow high, where there is no room farther off.
+        far_reaches_m: Reaches with the arm nearly stretched, where there is no room nearer: deep in a compartment.
         tucked_m: Reaches with which things are carried over the base.
         withdraw_m: How far the base backs out, until the arm has room to go home.
         mirrored: For each of the arm's joints the sign and the addition [rad] that mirror it in the plane of the base's
@@ -140,6 +141,7 @@ class Robot:
     wrist_m: float
     reaches_m: tuple[float, ...]
     close_reaches_m: tuple[float, ...]
+    far_reaches_m: tuple[float, ...]
     tucked_m: tuple[float, ...]
     withdraw_m: tuple[float, ...]
     mirrored: tuple[tuple[float, float], ...]
@@ -241,6 +243,7 @@ PAPER_ROBOT = Robot(
     wrist_m=0.147,
     reaches_m=(0.45, 0.40, 0.50, 0.35, 0.55),
     close_reaches_m=(0.30, 0.25),
+    far_reaches_m=(),  # Stored results stay repeatable.
     tucked_m=(0.36, 0.40, 0.32),
     withdraw_m=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65),
     mirrored=(*((-1.0, 0.0), (1.0, 0.0)) * 3, (-1.0, math.pi / 2)),
@@ -281,6 +284,7 @@ LIFTED = replace(
     lift_m=0.60,
     reaches_m=(0.55, 0.50, 0.60, 0.45, 0.65, 0.70),
     close_reaches_m=(0.40, 0.35),
+    far_reaches_m=(0.75, 0.80, 0.85),
     tucked_m=(0.40, 0.45, 0.36),
     withdraw_m=(0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.95),
     hand=HandShape(
@@ -342,6 +346,7 @@ UR5 = Robot(
     wrist_m=0.205,
     reaches_m=(0.55, 0.60, 0.50, 0.65, 0.70, 0.45),
     close_reaches_m=(0.40, 0.35),
+    far_reaches_m=(0.75, 0.80, 0.85, 0.90),
     tucked_m=(0.40, 0.45, 0.36),
     withdraw_m=(0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.95),
     mirrored=(),

@@ -12,7 +12,7 @@ from executor.assets.footprint import Footprint
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
 from executor.planning.cargo import Carried
-from executor.planning.place_search import fill_options, lowerings_m
+from executor.planning.place_search import LOW_M, fill_options, lowerings_m
 from executor.planning.placements import (
     APART_M,
     DEEPEST_M,
@@ -115,6 +115,10 @@ def test_a_hand_may_come_down_by_all_of_a_drawers_depth() -> None:
     assert 0.42 < deepest < 0.50
     moves = Action(Primitive.MOVE_BASE_FORWARD, 0.3), Action(Primitive.LIFT_EEF_DOWN)
     assert [down.parameter for _, down in fill_options(moves, lowerings_m([drawer]))] == [*usual, deepest]
+    assert lowerings_m([SHELF], 0.20) == usual, "there is room above it"
+    assert lowerings_m([SHELF], 0.27) == (*usual, LOW_M)
+    assert lowerings_m([SHELF], 0.29) == usual, "it does not fit"
+    assert lowerings_m([TABLE, BOWL], 0.38) == usual, "nothing is above"
     given_m = Action(Primitive.LIFT_EEF_DOWN, 0.05)
     assert fill_options((given_m,), lowerings_m([drawer])) == [(given_m,)]
 
@@ -127,3 +131,26 @@ def test_in_a_bowl_with_something_in_it_a_place_is_found_between() -> None:
     for spot in found:
         assert np.hypot(*np.maximum(np.abs(spot.point_m[:2]) - 0.018, 0.0)) >= 0.02 + APART_M - 1e-9
         assert np.hypot(*spot.point_m[:2]) <= 0.07 - 0.02 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("half_m", "to_come_m", "aside"), [(0.07, 0.045, True), (0.07, 0.0, False), (0.11, 0.045, False)]
+)
+def test_in_a_bowl_a_thing_leaves_room_for_what_comes_later(half_m: float, to_come_m: float, aside: bool) -> None:
+    bowl = Region("hollow", "interior", "bowl", (0.0, 0.0, 0.02), (half_m, half_m, 0.02), (0.0, 0.0, 1.0))
+
+    def found(width_m: float, to_come_m: float, others: dict[str, Footprint]) -> list[PlacementSpot]:
+        rng = spot_rng(0, "die_0", "bowl_0", "hollow")
+        return spots(bowl, np.eye(4), width_m, np.zeros(3), height_m=0.04, others=others, rng=rng, to_come_m=to_come_m)
+
+    first = found(WIDTH_M, to_come_m, {})
+    assert first
+    if not aside:
+        assert [tuple(s.point_m) for s in first] == [tuple(s.point_m) for s in found(WIDTH_M, 0.0, {})]
+        return
+    for spot in first:
+        x, y, _ = spot.point_m
+        taken = Footprint.around(np.array([x, y, 0.025]), np.full(3, WIDTH_M / 2 / np.sqrt(2)))
+        assert found(to_come_m, 0.0, {"die_0": taken}), "the later thing has a place"
+    middle = {"die_0": Footprint.around(np.array([0.0, 0.0, 0.025]), np.full(3, WIDTH_M / 2))}
+    assert not found(to_come_m, 0.0, middle)

@@ -116,6 +116,25 @@ def test_fingers_stop_at_the_walls_of_a_hollow_mug(kitchen: Scene) -> None:
         assert world.along == ("mug_0",)
 
 
+def test_what_falls_onto_a_bowls_wall_slides_down_it_and_what_falls_beside_it_does_not(kitchen: Scene) -> None:
+    def standing(name: str, category: str, x_m: float, size: tuple[float, float, float]) -> SceneObject:
+        place, upright = (x_m, -2.0, size[2] / 2), (1.0, 0.0, 0.0, 0.0)
+        return SceneObject(name, category, category, place, upright, size, (1.0, 1.0, 1.0))
+
+    bowl, die = standing("bowl_0", "bowl", -2.0, (0.16, 0.16, 0.06)), standing("die_0", "die", -1.5, (0.04, 0.04, 0.04))
+    scene = with_things(kitchen, bowl_0=bowl, die_0=die)
+    with DryWorld(scene, Checkpoint.at_start(scene).packed) as world:
+        off_m = {}
+        for x_m in (-1.955, -1.8):
+            pose = world.T_world_link("die_0")
+            pose[:3, 3] = (x_m, -2.0, 0.11)
+            world.put("die_0", pose)
+            world.come_down(("die_0",))
+            off_m[x_m] = float(world.T_world_link("die_0")[0, 3]) - x_m
+    assert -0.035 < off_m[-1.955] < -0.008, "as far as the bowl's foot"
+    assert off_m[-1.8] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
     start = Checkpoint.at_start(kitchen)
     with DryWorld(kitchen, start.packed) as world:

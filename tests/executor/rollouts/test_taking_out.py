@@ -91,6 +91,27 @@ def assert_withdrawn_and_put(done: Rollout, item: str) -> None:
     assert all(value is literal.endswith("gripper)") for literal, value in inside.items())
 
 
+@pytest.mark.parametrize(
+    ("robot", "feasible"), [("panda-lift", True), pytest.param("panda", False, marks=pytest.mark.slow)]
+)
+def test_what_stands_at_the_back_is_taken_out_by_an_arm_that_stretches(robot: str, feasible: bool) -> None:
+    room = a_room()
+    size = {"x": 0.70, "y": 0.70, "z": 1.40}
+    fridge = room.draw("fridge_one_door", extent_m=size, parameters={"hinge": "right", "shelves": 1})
+    against(room, "east", fridge, 0.0)
+    at = AtEdge("+x", (0.04, 0.05), (-0.05, 0.05))
+    place(room, small(room, "can", 0.09), PlaceSpec(fridge.id, region="door_shelf_1", at=at))
+    scene = furnished(room).with_robot(robot)
+    found = executor.feasible(oag.compose(planned("take the can out of the refrigerator", scene)), scene, vary=False)
+    assert found.feasible is feasible, found.reason
+    if not feasible:
+        return
+    readings = {reading.literal: reading.value for reading in found.subtasks[-1].record.readings}
+    assert readings["(inside can_0 gripper)"] and not any(
+        value for literal, value in readings.items() if literal.endswith(f"{fridge.id})")
+    )
+
+
 @pytest.mark.slow
 def test_out_of_a_refrigerator_onto_a_table() -> None:
     scene = can_in_a_refrigerator()
