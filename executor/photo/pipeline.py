@@ -26,6 +26,7 @@ from executor.photo.geometry.observation import (
     Observation,
     floor_below,
     levelled,
+    planes_below,
     unnamed_top,
 )
 from executor.photo.geometry.planes import level_planes
@@ -156,10 +157,9 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
         measured, doubts = depth_doubts(shown, measured, intrinsics)
-    # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
-    # found.
+    # A network is slow and a model costs: all other inputs have been read by now, and a floor too far below is refused.
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
-    if measured is not None:
+    if planes is not None:
         floor_below(picture, planes, facts=facts)
     found = auxiliary.detect(shown)
     if not found.things:
@@ -172,6 +172,8 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         floor = _levelled(shown, intrinsics, auxiliary, facts)
         observation = flat_observation(shown, intrinsics, floor)
     else:
+        if planes is None and facts.up is None:
+            planes = planes_below(measured, intrinsics, things)
         is_guess = measured.depth_distortion > 0.0
         if is_guess and planes is not None and facts.height_m is not None:
             measured, floor = scale_by_height(measured, floor_below(picture, planes, things), facts.height_m)

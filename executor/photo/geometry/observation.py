@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
+from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes, top_direction
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import HEIGHTS_M, CameraFacts, Intrinsics, Photograph
@@ -284,6 +284,17 @@ def floor_below(
     named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))
     assumed = f"assumed: {top_m:.2f} m below the top of the {named}, which is {lowest.height_m:.2f} m below the camera"
     return _below(found.up, lowest, lowest.height_m + top_m, f"{assumed}; no floor is visible")
+
+
+def planes_below(depth: Depth, camera: Intrinsics, things: Sequence[Detection]) -> LevelPlanes | None:
+    """Return the level planes below a camera that looks straight down, or is turned: a detected table's top is one."""
+    for table in (one for one in things if one.category in _TOPS):
+        others = [one.box_px for one in things if one is not table and one.area_px < table.area_px]
+        about = top_direction(depth, camera, table.box_px, others)
+        found = None if about is None else level_planes(depth, camera, about)
+        if found is not None:
+            return found
+    return None
 
 
 def unnamed_top(found: LevelPlanes | None, floor: FloorPlane, things: Sequence[Detection]) -> Detection | None:
