@@ -292,12 +292,12 @@ def _on_its_top(
 ) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
-    On an item, such as a saucer, its middle is enough.
+    On an item, such as a saucer, its middle is enough; what is over one, and no larger, is on that and not below.
     """
-    best: tuple[float, PoseHypothesis] | None = None
+    best: tuple[tuple[bool, float], PoseHypothesis] | None = None
     for other in others.values():
         on_item = is_item(other)
-        if on_item and other.bottom_m >= guess.bottom_m:
+        if on_item and other.bottom_m > guess.bottom_m:
             continue
         if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
             # Without depth, what is before a thing may seem to be below it.
@@ -309,7 +309,8 @@ def _on_its_top(
             if on_item and min(guess.size_m[:2]) > 2 * min(half):
                 # On a plate, what is wider than its hollow rests on the rim.
                 level_m = other.bottom_m + other.size_m[2]
-            if abs(level_m - guess.bottom_m) > same_height_m:
+            beside = on_item and level_m > guess.bottom_m + guess.size_m[2] / 2
+            if beside or abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
@@ -319,10 +320,11 @@ def _on_its_top(
             free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
-            by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
-            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
+            is_over = on_item and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
+            by = not is_over, math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]
-                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
+                best = by, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]
 
 

@@ -34,7 +34,15 @@ from executor.photo.geometry.walls import find_walls
 from executor.photo.inputs.annotations import Detection, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
-from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
+from executor.photo.inputs.picture import (
+    UPRIGHT_DEG,
+    CameraFacts,
+    Intrinsics,
+    Photograph,
+    read_camera,
+    read_facts,
+    read_picture,
+)
 from executor.photo.networks.masks import Masker
 from executor.photo.overlaps import SAME_HEIGHT_M
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
@@ -172,8 +180,8 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         floor = _levelled(shown, intrinsics, auxiliary, facts)
         observation = flat_observation(shown, intrinsics, floor)
     else:
-        if planes is None and facts.up is None:
-            planes = planes_below(measured, intrinsics, things)
+        if facts.up is None:
+            planes = planes_below(planes, measured, intrinsics, things)
         is_guess = measured.depth_distortion > 0.0
         if is_guess and planes is not None and facts.height_m is not None:
             measured, floor = scale_by_height(measured, floor_below(picture, planes, things), facts.height_m)
@@ -203,6 +211,9 @@ def _levelled(
 ) -> FloorPlane:
     """Return the floor of a picture without depth."""
     upright = _upright(picture, camera, facts)
+    if abs(facts.roll_deg or 0.0) > UPRIGHT_DEG:
+        problem = f"is {facts.roll_deg:g}, and there is no depth"
+        raise PhotoRefused("camera", "--roll", problem, "turn the picture and its boxes upright")
     if upright is not None and facts.height_m is not None:
         return level_by_height(upright, facts.height_m)
     raise _incomplete(picture.source, auxiliary, facts, upright=upright)

@@ -71,10 +71,17 @@ class LevelPlanes:
     Attributes:
         up: (3,) vertical in the camera's frame.
         planes: The lowest first.
+        deepest_m: How far below the camera the lowest hundredth of what was measured begins.
     """
 
     up: Array
     planes: tuple[LevelPlane, ...]
+    deepest_m: float = math.inf
+
+    @property
+    def area_m2(self) -> float:
+        """Visible area of all of them."""
+        return sum(one.area_m2 for one in self.planes)
 
 
 @dataclass(frozen=True)
@@ -154,7 +161,8 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
             break
         found = _refined(depth.z_m, rays, found, [one.height_m for one in planes])
         planes = _planes(cells, found)
-    return LevelPlanes(found, tuple(planes)) if planes else None
+    deepest_m = float(np.percentile(-(cells.points_m @ found), 99.0))
+    return LevelPlanes(found, tuple(planes), deepest_m) if planes else None
 
 
 def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
@@ -206,10 +214,13 @@ def _vertical(normals: Array, about: Array | None) -> Array | None:
         if length < _ASIDE:
             continue
         frame = np.stack([first, aside / length, np.cross(first, aside / length)])
-        of_up = frame @ upwards
-        count = int((np.abs(counted @ frame.T) > math.cos(_SQUARE_RAD)).sum())
-        if count > most and np.abs(of_up).max() > least:
-            most, best = count, frame
+        frame *= np.sign(frame @ upwards)[:, None]
+        along = counted @ frame.T
+        count = int((np.abs(along) > math.cos(_SQUARE_RAD)).sum())
+        # Of what goes upwards in the picture, floors and tops face that way, and walls the other one.
+        faced = np.where(frame @ upwards > least, (along > math.cos(_SQUARE_RAD)).sum(axis=0), 0)
+        if count > most and faced.max() > 0:
+            most, best = count, np.roll(frame, -int(faced.argmax()), axis=0)
     if best is None:
         return None
     for _ in range(4):
@@ -221,9 +232,7 @@ def _vertical(normals: Array, about: Array | None) -> Array | None:
             means[axis] = (normals[faces] * np.sign(one[faces, None])).sum(axis=0) / (faces.sum() + _LEAST_CELLS)
         left, _, right = np.linalg.svd(means)
         best = left @ right
-    of_up = best @ upwards
-    which = int(np.abs(of_up).argmax())
-    return np.asarray(best[which] * math.copysign(1.0, of_up[which]))
+    return np.asarray(best[0])
 
 
 def _planes(cells: _Cells, up: Array) -> list[LevelPlane]:
