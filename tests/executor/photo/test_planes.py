@@ -16,15 +16,12 @@ from executor.bench.photo.picture_score import angle_deg
 from executor.cli.app import run
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.lines import find_upright
 from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, planes_below, unnamed_top
 from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
 from executor.photo.inputs.annotations import Detection, boxes_in
 from executor.photo.inputs.depth import Depth, depth_in
 from executor.photo.inputs.picture import CameraFacts, Exif, Intrinsics, Photograph, read_facts, up_in_camera
 from executor.photo.pipeline import AuxiliaryInputs, read_inputs
-from tests.executor.photo.test_level import CAMERA as LINES_CAMERA
-from tests.executor.photo.test_level import drawn as drawn_boxes
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(290.0, 290.0, 160.0, 120.0, "drawn")
@@ -204,37 +201,13 @@ def test_of_two_slopes_the_one_near_the_given_tilt_is_level() -> None:
     assert near is not None and angle_deg(near.up, up) < 1.0
 
 
-def test_lines_tell_the_same_at_any_resolution() -> None:
-    cv2 = pytest.importorskip("cv2")
-    clear = drawn_boxes((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))
-    clutter = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
-    vague = replace(clear, rgb=cv2.resize(clutter, clear.size_px, interpolation=cv2.INTER_NEAREST))
-    vague = replace(
-        vague,
-        rgb=np.ascontiguousarray(cv2.warpAffine(vague.rgb, np.float64([[1, 0.3, 0], [0.2, 1, 0]]), clear.size_px)),
-    )
-    ups = []
-    for factor in (0.75, 1.0, 2.5):
-        camera = Intrinsics(*(factor * one for one in (520.0, 520.0, 320.0, 240.0)), "drawn")
-        size = round(factor * 640), round(factor * 480)
-
-        def scaled(picture: Photograph, size: tuple[int, int] = size) -> Photograph:
-            return replace(picture, rgb=np.asarray(Image.fromarray(picture.rgb).resize(size, Image.Resampling.LANCZOS)))
-
-        ups.append(find_upright(scaled(clear), camera).up)
-        with pytest.raises(PhotoRefused) as caught:
-            find_upright(scaled(vague), camera)
-        assert caught.value.kind == "floor"
-    assert max(angle_deg(ups[1], one) for one in ups) < 0.3
-    assert ups[1] == pytest.approx(find_upright(clear, LINES_CAMERA).up)
-
-
 def test_facts_are_typed_or_in_the_camera_file_and_typed_ones_count(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({"fx": 1, "tilt_deg": 20, "roll_deg": 1, "height_m": 1.2, "depth_kind": "guessed"}))
     assert read_facts(str(path), CameraFacts()) == CameraFacts(20, 1, 1.2, "guessed")
     assert read_facts(str(path), CameraFacts(tilt_deg=25.0)) == CameraFacts(25.0, 1, 1.2, "guessed")
     assert read_facts("hfov=60", CameraFacts(height_m=1.0)) == CameraFacts(height_m=1.0)
+    assert read_facts(None, CameraFacts(89.0, 175.0, 0.13)).up is not None
     for wrong in ({"tilt_deg": 120}, {"height_m": "high"}, {"depth_kind": "felt"}, {"roll_deg": 3}, {"tilt_deg": None}):
         path.write_text(json.dumps(wrong))
         with pytest.raises(PhotoRefused) as caught:
@@ -273,6 +246,13 @@ def test_a_depth_file_can_be_a_guess(folder: Path) -> None:
     assert first.observation.depth_distortion == 0.0 < second.observation.depth_distortion
     assert second.depth is not None and "guessed" in second.depth.source
     assert first.sha256 != second.sha256
+
+
+def test_without_depth_a_picture_is_upright(folder: Path) -> None:
+    detect = boxes_in(folder / "boxes.json", "bare.jpg")
+    with pytest.raises(PhotoRefused, match="turn the picture") as caught:
+        read_inputs(folder / "bare.jpg", AuxiliaryInputs(detect, camera="hfov=60", facts=CameraFacts(20.0, 90.0, 1.5)))
+    assert caught.value.kind == "camera"
 
 
 MISSING = {
