@@ -177,8 +177,8 @@ def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
         return 0.0
     height, *shares = top
     facing = guess.x_m * math.cos(guess.yaw_rad) + guess.y_m * math.sin(guess.yaw_rad)
-    if has_boards(guess.entry.category):
-        return math.inf if facing < 0.0 else 0.0
+    if has_boards(guess.entry.category) and facing < 0.0:
+        return math.inf
     if guess.entry.category in _SEATS and facing < _FRONT * math.hypot(guess.x_m, guess.y_m):
         return _CARRIED_MOST * len(above)
     middle, half = np.array(shares[:2]) * guess.size_m[:2], np.array(shares[2:]) * guess.size_m[:2]
@@ -334,9 +334,11 @@ class Likelihood:
         cost = prior_cost(guess, self.near)
         if not math.isfinite(cost):
             return math.inf
-        cost += self.evidence.box_cost(guess) + carried_cost(guess, self.evidence.observation.eye_m, self.above)
+        cost += self.evidence.box_cost(guess)
+        carried = carried_cost(guess, self.evidence.observation.eye_m, self.above)
         if self.evidence.has_depth:
-            return cost
+            return cost if math.isfinite(carried) else math.inf
+        cost += carried
         # Near the horizon, a little of the picture is many metres.
         return cost + usual_size_cost(guess) if math.hypot(guess.x_m, guess.y_m) < _FARTHEST_M else math.inf
 

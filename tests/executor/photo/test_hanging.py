@@ -23,7 +23,7 @@ from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow, usual_
 from executor.photo.output import stands_on
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.pipeline import PhotoResult
-from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.estimate import RoomEstimate, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
 from executor.photo.yielding import YIELDS, yielding
@@ -170,7 +170,7 @@ def test_a_top_that_ends_before_what_stands_on_it_costs_and_no_more_than_so_much
         ("armchair_upholstered", 0.5, 0.0, 0.0),
         ("armchair_upholstered", 1.6, 6.0, 6.0),
         ("armchair_upholstered", 3.1, 6.0, 6.0),
-        ("shelf_open", 0.0, 0.0, 0.0),
+        ("shelf_open", 0.0, 0.0, 6.0),
         ("shelf_open", 3.1, np.inf, np.inf),
     ],
 )
@@ -202,6 +202,23 @@ def test_what_is_over_a_board_is_on_it_and_what_is_wider_is_on_the_table() -> No
     wide = PoseHypothesis(BOX, 2.0, 0.0, 0.0, 0.7, (0.1, 0.6, 0.2))
     kept, _ = resolve_overlaps({"table": TABLE, "board": replace(board, size_m=(0.2, 0.2, 0.012)), "wide": wide}, ())
     assert kept["wide"].bottom_m == pytest.approx(0.7)
+
+
+def test_a_thing_between_boards_is_on_one_of_them_and_not_on_the_next_shelfs() -> None:
+    shelf = PoseHypothesis(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.8, 1.5), (("boards", 1),))
+    other = replace(shelf, y_m=0.85, parameters=(("boards", 3),))
+    levels = [
+        sorted({round(top.height_m, 3) for top in tops_of([one]) if top.height_m < 1.4}) for one in (shelf, other)
+    ]
+    between = next(level for level in levels[1] if min(abs(level - own) for own in levels[0]) > 0.13)
+    can = PoseHypothesis(LIBRARY["can"], 2.0, 0.3, 0.0, between, (0.07, 0.07, 0.1))
+    found, _ = resolve_overlaps({"shelf": shelf, "other": other, "can": can}, ())
+    assert abs(found["can"].y_m) < 0.4 and found["can"].bottom_m == pytest.approx(
+        min(levels[0], key=lambda level: abs(level - between)), abs=0.002
+    )
+    # What is before a shelf is on no board.
+    before, _ = resolve_overlaps({"shelf": shelf, "can": replace(can, x_m=1.2, bottom_m=0.0)}, ())
+    assert before["can"].bottom_m == 0.0 and before["can"].x_m == pytest.approx(1.2)
 
 
 def test_a_person_may_say_that_something_hangs_or_that_it_does_not() -> None:
