@@ -38,7 +38,7 @@ _NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_STEPS = 24
 _HIGHER_M = 0.002
-_BOARD_M, _BESIDE_M = 0.3, 0.1
+_BOARD_M, _BESIDE_M = 0.5, 0.1
 """Between a thing in a shelf and the board that it stands on, as boards are fitted evenly spaced; and the outline of a
 shelf, whose depth is mostly hidden."""
 
@@ -313,11 +313,13 @@ def _on_its_top(
 ) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
-    On an item, such as a saucer, its middle is enough; what is over one, and no larger, is on that and not below.
+    On an item, such as a saucer, its middle is enough. What is over an item, or a board on a top, and is no larger, is
+    on that and not below.
     """
     best: tuple[tuple[bool, float], PoseHypothesis] | None = None
     for other in others.values():
         on_item = is_item(other)
+        is_loose = on_item or other.bottom_m > 0.0
         if on_item and other.bottom_m > guess.bottom_m:
             continue
         if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
@@ -341,7 +343,7 @@ def _on_its_top(
             free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
-            is_over = on_item and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
+            is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
             by = not is_over, math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
             if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]

@@ -105,8 +105,9 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     at = np.median(points[:, :2], axis=0)
     under = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M and top.is_near(at)]
     heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
-    # What is over an item is in it or on it, and not below.
-    least_m = max((top.height_m for top in under if is_item(top.of) and top.distance_m(at) == 0.0), default=0.0)
+    # What is over an item, or a board on a top, is in it or on it, and not below.
+    loose = [top for top in under if is_item(top.of) or top.of.bottom_m > 0.0]
+    least_m = max((top.height_m for top in loose if top.distance_m(at) == 0.0), default=0.0)
     heights = [height for height in heights if height >= least_m]
     near = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
     return near[:_MOST] or [round(low, 4)]

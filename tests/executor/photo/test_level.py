@@ -60,7 +60,7 @@ def test_level_lines_tell_how_furniture_is_turned_at_any_resolution(
     shown = drawn((3.2, 0.9), (2.9, -0.2), (2.7, -1.1), colours=colours)
     size = round(factor * SIZE[0]), round(factor * SIZE[1])
     shown = replace(shown, rgb=np.asarray(Image.fromarray(shown.rgb).resize(size, Image.Resampling.LANCZOS)))
-    camera = Intrinsics(*(factor * one for one in (520.0, 520.0, 320.0, 240.0)), "drawn")
+    camera = Intrinsics(520.0 * factor, 520.0 * factor, 320.0 * factor, 240.0 * factor, "drawn")
     floor = level_as_given(UP, HEIGHT_M)
     assert floor.tilt_deg == pytest.approx(20.0) and floor.height_m == HEIGHT_M
     seen = flat_observation(shown, camera, floor)
