@@ -128,7 +128,7 @@ TrackName = Literal["B", "D", "S"]
 TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
         "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
-        "D": "track D: no depth, the camera's height and tilt known, and a mocked detector: the simulator's own boxes, spoilt",
+        "D": "track D: no depth, height and tilt known, and a mocked detector: the simulator's own boxes, spoilt",
         "S": "track S: depth with the noise of real sensors, and a mocked detector: the simulator's own boxes, spoilt",
     }
 )
