@@ -2,7 +2,7 @@
 
     python -m benchmarks.drawn_rooms --out runs/guard --track B --rooms 40 --seed 94500
 
-B: noisy depth and spoilt boxes. D: boxes and the camera's height, no depth. S: B with the depth noise of real sensors.
+B: noisy depth and spoilt boxes. D: boxes, height and tilt of the camera, no depth. S: B with the noise of real sensors.
 A run with the same folder goes on where the earlier one ended.
 """
 

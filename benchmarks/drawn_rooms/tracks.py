@@ -20,8 +20,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from executor.assets.library import LIBRARY
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array
-from executor.photo.geometry.level import flat_observation, level_by_height
-from executor.photo.geometry.lines import find_upright
+from executor.photo.geometry.level import flat_observation, level_as_given
 from executor.photo.geometry.observation import observe
 from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.annotations import Detection
@@ -129,7 +128,7 @@ TrackName = Literal["B", "D", "S"]
 TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
         "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
-        "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
+        "D": "track D: no depth, height and tilt known, and a mocked detector: the simulator's own boxes, spoilt",
         "S": "track S: depth with the noise of real sensors, and a mocked detector: the simulator's own boxes, spoilt",
     }
 )
@@ -171,7 +170,7 @@ def input_of(
         rng: Random numbers.
 
     Raises:
-        PhotoRefused: The track has to level the picture by its lines or its floor, and cannot.
+        PhotoRefused: The track has to level the picture by its floor, and cannot.
     """
     masks = shot.visible()
     found = mocked_boxes(masks, categories, detector, rng)
@@ -184,7 +183,7 @@ def input_of(
     picture = Photograph(Path(name), shot.rgb, Exif(None, None, ""))
     depth: Depth | None = None
     if track == "D":
-        floor = level_by_height(find_upright(picture, camera), float(shot.T_world_camera[2, 3]))
+        floor = level_as_given(shot.T_world_camera[2, :3], float(shot.T_world_camera[2, 3]))
         observation = flat_observation(picture, camera, floor)
     else:
         spoil, source = (noisy, _NOISY) if track == "B" else (sensed, _SENSED)

@@ -240,7 +240,7 @@ class PhotoInputs:
     frame: Maybe[int] = None
     """Which picture of a recording, counted from 0; by default the one in the middle."""
     tilt: Maybe[float] = None
-    """How far the camera looks down in degrees; in place of what lines of the picture tell."""
+    """How far the camera looks down in degrees; a picture without depth needs it."""
     roll: Maybe[float] = None
     """With --tilt: by how many degrees the vertical leans to the right in the picture; 0 by default."""
     camera_height_m: Maybe[float] = None

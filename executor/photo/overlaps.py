@@ -18,7 +18,7 @@ from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
-from oag.model.symbols import Kind, kind_of
+from oag.model.symbols import Kind, has_boards, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
@@ -38,6 +38,10 @@ _NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_STEPS = 24
 _HIGHER_M = 0.002
+_BOARD_M, _BESIDE_M = 0.5, 0.1
+"""Between a thing in a shelf and the board that it stands on, as boards are fitted evenly spaced; and the outline of a
+shelf, whose depth is mostly hidden."""
+
 _NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top next to it.
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
 _GUESSED_FAR_M = 1.5  # Without depth it was fitted to a top's height, and may be off by the error of both sizes.
@@ -111,7 +115,12 @@ def _put_on_tops(
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
         fitted = room[key]
-        room[key] = _on_its_top(fitted, others, same_height_m, farthest_m)
+        # A thing between boards is on one of them, however the others are fitted, and on no neighbour's.
+        boarded = _boarded(fitted, others)
+        items = {other: one for other, one in others.items() if is_item(one)}
+        room[key] = _on_its_top(fitted, {**items, **boarded} if boarded else others, same_height_m, farthest_m)
+        if room[key] is fitted and boarded:
+            room[key] = _on_its_top(fitted, boarded, _BOARD_M, farthest_m)
         if room[key] is not fitted:
             continue
         if is_item(room[key]) and not _stands(room[key], others):
@@ -121,6 +130,18 @@ def _put_on_tops(
             room[key] = _put_down(room[key], list(others.values()))
             notes.append(f"{key} stands on nothing that has a box; it was put down")
     return notes
+
+
+def _boarded(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis]) -> dict[str, PoseHypothesis]:
+    """Return the piece with boards, if any, between whose boards the middle of a thing is, or hardly outside."""
+    found: list[tuple[float, str]] = []
+    for key, one in others.items():
+        local = rotation_z(one.yaw_rad)[:2, :2].T @ [guess.x_m - one.x_m, guess.y_m - one.y_m]
+        aside_m = float(np.linalg.norm(np.maximum(np.abs(local) - np.divide(one.size_m[:2], 2), 0.0)))
+        within = one.bottom_m < guess.bottom_m < one.bottom_m + one.size_m[2]
+        if within and aside_m < _BESIDE_M and has_boards(one.entry.category):
+            found.append((aside_m, key))
+    return {key: others[key] for _, key in sorted(found)[:1]}
 
 
 def _moves(fitted: Mapping[str, PoseHypothesis], room: Mapping[str, PoseHypothesis]) -> list[str]:
@@ -292,12 +313,14 @@ def _on_its_top(
 ) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
-    On an item, such as a saucer, its middle is enough.
+    On an item, such as a saucer, its middle is enough. What is over an item, or a board on a top, and is no larger, is
+    on that and not below.
     """
-    best: tuple[float, PoseHypothesis] | None = None
+    best: tuple[tuple[bool, float], PoseHypothesis] | None = None
     for other in others.values():
         on_item = is_item(other)
-        if on_item and other.bottom_m >= guess.bottom_m:
+        is_loose = on_item or other.bottom_m > 0.0
+        if on_item and other.bottom_m > guess.bottom_m:
             continue
         if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
             # Without depth, what is before a thing may seem to be below it.
@@ -309,7 +332,8 @@ def _on_its_top(
             if on_item and min(guess.size_m[:2]) > 2 * min(half):
                 # On a plate, what is wider than its hollow rests on the rim.
                 level_m = other.bottom_m + other.size_m[2]
-            if abs(level_m - guess.bottom_m) > same_height_m:
+            beside = on_item and level_m > guess.bottom_m + guess.size_m[2] / 2
+            if beside or abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
@@ -319,10 +343,11 @@ def _on_its_top(
             free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
-            by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
-            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by_m < best[0]):
+            is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
+            by = not is_over, math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]
-                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
+                best = by, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]
 
 

@@ -19,13 +19,13 @@ from types import MappingProxyType
 
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.geometry.level import flat_observation, level_by_height, scale_by_height
-from executor.photo.geometry.lines import VerticalDirection, find_upright
+from executor.photo.geometry.level import flat_observation, level_as_given, scale_by_height
 from executor.photo.geometry.observation import (
     FloorPlane,
     Observation,
     floor_below,
     levelled,
+    planes_below,
     unnamed_top,
 )
 from executor.photo.geometry.planes import level_planes
@@ -33,7 +33,15 @@ from executor.photo.geometry.walls import find_walls
 from executor.photo.inputs.annotations import Detection, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
-from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
+from executor.photo.inputs.picture import (
+    UPRIGHT_DEG,
+    CameraFacts,
+    Intrinsics,
+    Photograph,
+    read_camera,
+    read_facts,
+    read_picture,
+)
 from executor.photo.networks.masks import Masker
 from executor.photo.overlaps import SAME_HEIGHT_M
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
@@ -123,8 +131,8 @@ class AuxiliaryInputs:
         camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration, the picture's EXIF, or what
             a network guesses with the depth.
         frame: Frame of a recording.
-        facts: What is known of the camera. The tilt overrides lines. The height gives the scale to a picture without
-            depth and to guessed depth, and the place of a floor that measured depth does not show.
+        facts: What is known of the camera. The tilt levels a picture without depth. The height gives the scale to a
+            picture without depth and to guessed depth, and the place of a floor that measured depth does not show.
         masks: Adds masks to detections.
     """
 
@@ -156,10 +164,9 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
         measured, doubts = depth_doubts(shown, measured, intrinsics)
-    # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
-    # found.
+    # A network is slow and a model costs: all other inputs have been read by now, and a floor too far below is refused.
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
-    if measured is not None:
+    if planes is not None:
         floor_below(picture, planes, facts=facts)
     found = auxiliary.detect(shown)
     if not found.things:
@@ -169,9 +176,11 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         found = auxiliary.masks(shown, found)
     things = found.things
     if measured is None:
-        floor = _levelled(shown, intrinsics, auxiliary, facts)
+        floor = _levelled(shown.source, auxiliary, facts)
         observation = flat_observation(shown, intrinsics, floor)
     else:
+        if facts.up is None:
+            planes = planes_below(planes, measured, intrinsics, things)
         is_guess = measured.depth_distortion > 0.0
         if is_guess and planes is not None and facts.height_m is not None:
             measured, floor = scale_by_height(measured, floor_below(picture, planes, things), facts.height_m)
@@ -193,27 +202,14 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     )
 
 
-def _levelled(
-    picture: Photograph,
-    camera: Intrinsics,
-    auxiliary: AuxiliaryInputs,
-    facts: CameraFacts,
-) -> FloorPlane:
+def _levelled(picture: Path, auxiliary: AuxiliaryInputs, facts: CameraFacts) -> FloorPlane:
     """Return the floor of a picture without depth."""
-    upright = _upright(picture, camera, facts)
-    if upright is not None and facts.height_m is not None:
-        return level_by_height(upright, facts.height_m)
-    raise _incomplete(picture.source, auxiliary, facts, upright=upright)
-
-
-def _upright(picture: Photograph, camera: Intrinsics, facts: CameraFacts) -> VerticalDirection | None:
-    """Return the vertical as given, else by lines; None where they are not sure."""
-    if facts.up is not None:
-        return VerticalDirection(facts.up, 0, given=True)
-    try:
-        return find_upright(picture, camera)
-    except PhotoRefused:
-        return None
+    if abs(facts.roll_deg or 0.0) > UPRIGHT_DEG:
+        problem = f"is {facts.roll_deg:g}, and there is no depth"
+        raise PhotoRefused("camera", "--roll", problem, "turn the picture and its boxes upright")
+    if facts.up is None or facts.height_m is None:
+        raise _incomplete(picture, auxiliary, facts)
+    return level_as_given(facts.up, facts.height_m)
 
 
 def _incomplete(
@@ -222,7 +218,6 @@ def _incomplete(
     facts: CameraFacts,
     *,
     no_lens: str = "",
-    upright: VerticalDirection | None = None,
 ) -> PhotoRefused:
     """Return one refusal with everything that a picture lacks, and the shortest command.
 
@@ -230,7 +225,6 @@ def _incomplete(
         picture: Its file.
         auxiliary, facts: What was given.
         no_lens: Why its lens is unknown.
-        upright: The vertical by its lines.
     """
     lacks = {}
     if auxiliary.detect is None:
@@ -238,8 +232,8 @@ def _incomplete(
     if no_lens:
         lacks["--camera hfov=DEGREES"] = f"its lens ({no_lens}; a phone's main camera has about 65)"
     if auxiliary.depth is None:
-        if facts.up is None and upright is None:
-            lacks["--tilt DEGREES"] = "how far the camera looks down, which lines of a picture rarely tell"
+        if facts.up is None:
+            lacks["--tilt DEGREES"] = "how far the camera looks down"
         if facts.height_m is None:
             lacks["--camera-height-m METRES"] = "how high above the floor the camera was"
     problem = f"{'this is' if len(lacks) == 1 else f'{len(lacks)} things are'} missing: {'; '.join(lacks.values())}"
@@ -277,8 +271,7 @@ def _sensed(
             raise
         raise _incomplete(picture, auxiliary, facts, no_lens=problem.problem) from problem
     if auxiliary.detect is None:
-        upright = None if auxiliary.depth is not None else _upright(shown, intrinsics, facts)
-        raise _incomplete(picture, auxiliary, facts, upright=upright)
+        raise _incomplete(picture, auxiliary, facts)
     depth = None if auxiliary.depth is None else _of_kind(auxiliary.depth(shown, intrinsics), facts)
     return shown, depth, intrinsics
 

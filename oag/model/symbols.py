@@ -53,11 +53,11 @@ def _words(text: str) -> frozenset[str]:
 # The first words of each line are the paper's own lists; the rest are their close relatives in the asset libraries.
 _ARTICULATED = _words(
     "refrigerator fridge cabinet microwave oven drawer dishwasher freezer cupboard wardrobe washer dryer "
-    "stove safe nightstand dresser chest door"
+    "stove safe nightstand dresser chest door sideboard credenza"
 )
 _SUPPORT = _words(
     "table desk counter countertop shelf bench workbench island stand sofa couch bed chair armchair stool ottoman "
-    "rack sink floor wall toilet bathtub cart trolley "
+    "rack sink floor wall toilet bathtub cart trolley crib "
     # Compound names, and those of data sets that write them as one word.
     "garbagecan trashcan dustbin wastebasket recyclingbin garbagebin trashbin sidetable coffeetable diningtable "
     "tvstand sinkbasin bathtubbasin stoveburner stovetop hob"

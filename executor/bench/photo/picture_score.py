@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
@@ -86,6 +86,17 @@ def is_called(label: str, category: str) -> bool:
         return False
     # Mugs and glasses have entries of their own, and share most names.
     return entry is other or written in entry.names
+
+
+def is_same_support(annotated: str, made: str, boarded: Collection[str]) -> bool:
+    """Return whether two relations with a support are the same; people say that a thing on a board is in its shelf.
+
+    Args:
+        annotated, made: `on desk` or `inside shelf`.
+        boarded: Ids of the supports that have boards.
+    """
+    support = annotated.split(" ", 1)[-1]
+    return annotated == made or (support in boarded and made == f"on {support}")
 
 
 def outline_iou(mask: NDArray[np.bool_], box_px: Box) -> float:

@@ -30,6 +30,7 @@ from executor.bench.photo.picture_score import (
     PictureThing,
     covered,
     is_called,
+    is_same_support,
     level_scores,
     outline_iou,
     pixels_of_box,
@@ -53,6 +54,7 @@ from executor.sim.world import World
 from executor.system.extras import MissingExtra
 from executor.system.files import read_json, write_json
 from oag import Scene, compose
+from oag.model.symbols import has_boards
 from oag.sizes import Sizing
 
 PICTURE_SCHEMA = "scene2demo-photo-picture/1"
@@ -307,6 +309,7 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
     owner, made_z_m = visible_surfaces(result.observation, guesses)
     numbers = {key: number for number, key in enumerate(guesses)}
     stands = _stands(scene, made)
+    boarded = {thing["id"] for thing in picture.things if has_boards(str(thing["label"]).replace(" ", "_"))}
     things = []
     for thing in picture.things:
         start = PictureThing(thing["id"], thing["label"], support=_support(thing))
@@ -326,7 +329,7 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
                 named=is_called(thing["label"], category),
                 outline_iou=outline_iou(mask, tuple(thing["box"])),
                 stands=stands[key],
-                support_right=stands[key] == start.support,
+                support_right=is_same_support(start.support, stands[key], boarded),
                 size_ratios=ratios,
                 nearer_m=nearer_m,
             )

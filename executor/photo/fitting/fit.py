@@ -39,7 +39,7 @@ from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes, starts_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
-from oag.model.symbols import FURNITURE_SIDE_M, Kind, kind_of
+from oag.model.symbols import FURNITURE_SIDE_M, Kind, has_boards, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 3000
 """Pixels of an object to choose starts, to search, and to choose options."""
@@ -211,13 +211,17 @@ def _on_plane(view: Observation, pixel: Array, plane: Wall) -> tuple[float, floa
 
 
 def fills_picture(thing: Detection, size_px: tuple[int, int]) -> list[ModelEntry]:
-    """Return the models of a support whose box reaches three borders of the picture: it carries everything else."""
+    """Return the models of a table whose box reaches three borders of the picture: it carries everything else."""
     x0, y0, x1, y1 = thing.box_px
     width, height = size_px
     far = 1.0 - _AT_BORDER
     reached = (x0 < _AT_BORDER * width, y0 < _AT_BORDER * height, x1 > far * width, y1 > far * height)
     entries = [entry for entry in LIBRARY.values() if entry.category == thing.category]
-    supports = [entry for entry in entries if kind_of(entry.category, entry.width.low) is Kind.SUPPORT]
+    supports = [
+        entry
+        for entry in entries
+        if kind_of(entry.category, entry.width.low) is Kind.SUPPORT and not has_boards(entry.category)
+    ]
     return supports if sum(reached) >= 3 else []
 
 

@@ -25,7 +25,7 @@ from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import usual_height_m, usual_thickness_m
 from executor.scenes.models import ABSURD
-from oag.model.symbols import Kind, kind_of
+from oag.model.symbols import Kind, has_boards, kind_of
 
 _BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.
 _BEYOND_RATIO = 0.03
@@ -52,6 +52,9 @@ _LENGTH_SPREAD, _HEIGHT_SPREAD = 0.5, 0.8
 _THICK_SPREAD = 0.15  # The same of a thickness or a height that the name tells.
 _CARRIED_SIGMA_M, _CARRIED_MOST = 0.08, 6.0
 """How far beside a top things on it may seem to end, without depth; the most that one costs, which may be elsewhere."""
+
+_SEATS, _FRONT = ("armchair", "chair", "sofa"), math.cos(math.radians(45.0))
+"""Farther round from the view, the back or arm of a seat is before what is on it."""
 
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
@@ -160,7 +163,9 @@ def usual_size_cost(guess: PoseHypothesis) -> float:
 
 
 def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
-    """Return the cost of a piece of furniture whose top is not below the things that seem to stand on it.
+    """Return the cost of a piece whose top is not below the things that seem to stand on it, or is behind its back.
+
+    What is on boards is seen from their open side.
 
     Args:
         guess: The piece.
@@ -171,6 +176,11 @@ def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
     if top is None:
         return 0.0
     height, *shares = top
+    facing = guess.x_m * math.cos(guess.yaw_rad) + guess.y_m * math.sin(guess.yaw_rad)
+    if has_boards(guess.entry.category) and facing < 0.0:
+        return math.inf
+    if guess.entry.category in _SEATS and facing < _FRONT * math.hypot(guess.x_m, guess.y_m):
+        return _CARRIED_MOST * len(above)
     middle, half = np.array(shares[:2]) * guess.size_m[:2], np.array(shares[2:]) * guess.size_m[:2]
     down_m = float(eye_m[2]) - guess.bottom_m - height * guess.size_m[2]
     with np.errstate(divide="ignore"):
@@ -325,9 +335,10 @@ class Likelihood:
         if not math.isfinite(cost):
             return math.inf
         cost += self.evidence.box_cost(guess)
+        carried = carried_cost(guess, self.evidence.observation.eye_m, self.above)
         if self.evidence.has_depth:
-            return cost
-        cost += carried_cost(guess, self.evidence.observation.eye_m, self.above)
+            return cost if math.isfinite(carried) else math.inf
+        cost += carried
         # Near the horizon, a little of the picture is many metres.
         return cost + usual_size_cost(guess) if math.hypot(guess.x_m, guess.y_m) < _FARTHEST_M else math.inf
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.lines import VerticalDirection, heading_of_lines
+from executor.photo.geometry.lines import heading_of_lines
 from executor.photo.geometry.observation import TYPICAL, FloorPlane, Observation, level_rotation, tilt_deg
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Intrinsics, Photograph
@@ -16,10 +17,9 @@ _FACTORS = (0.2, 5.0)
 _HELD_SHARE = 0.02  # How exactly people know how high they hold a camera.
 
 
-def level_by_height(upright: VerticalDirection, height_m: float) -> FloorPlane:
-    """Return the floor below a camera of known height."""
-    source = f"{upright.source}; the camera's height as given"
-    return FloorPlane(upright.up, height_m, 0.0, tilt_deg(upright.up), 0.0, source, _HELD_SHARE)
+def level_as_given(up: Array, height_m: float) -> FloorPlane:
+    """Return the floor below a camera of known height and vertical (3,)."""
+    return FloorPlane(up, height_m, 0.0, tilt_deg(up), 0.0, "tilt as given; the camera's height as given", _HELD_SHARE)
 
 
 def flat_observation(picture: Photograph, camera: Intrinsics, floor: FloorPlane) -> Observation:

@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
+from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes, top_direction
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import HEIGHTS_M, CameraFacts, Intrinsics, Photograph
 from executor.system.extras import require
+from oag.model.symbols import Kind, is_known, kind_of
 
 
 @dataclass(frozen=True)
@@ -162,18 +163,24 @@ def is_hidden(observation: Observation, depth_m: Array) -> NDArray[np.bool_]:
     )
 
 
+_STRAIGHT_DOWN = math.cos(math.radians(0.5))
 USUAL_TOP_M = 0.74
 """Height of a table whose floor is not visible: that of desks by EN 527-1, and of most dining tables."""
 
 _LEAST_FLOOR_M2 = 0.2  # Visible floor: a smaller area can be a seat.
 _DESK_M = 0.75  # Nobody holds a camera lower above a floor; above a table's top, people do.
 _TOPS = ("table", "desk", "desk_with_drawers", "coffee_table", "countertop", "nightstand", "bottom_cabinet")
+_SEATS_M = {"bed": 0.5, "sofa": 0.42, "armchair": 0.42, "chair": 0.45, "ottoman": 0.42}
+"""Usual heights of what people sit or lie on."""
+
+_NOTHING_BELOW_M = 0.1  # Of what is measured, below a floor that is near the camera.
+_CLEARER = 10.0  # Times as large as what seems level by the picture's upwards.
 _ON_TOP, _LEAST_LOWER_M = 0.8, 0.25  # Share of a plane in the box of its table; of a floor, below a top in that box.
 _AS_GIVEN = 0.1  # Share by which people are off with the height of a camera.
 _SAMPLES, _LEVELS = 8000, 8  # Points and bins of depth by which noise is measured.
 _SHOW_IT = (
-    "give --tilt and --camera-height-m, or take the picture so that it shows floor or a table's top; are the depths "
-    "in the right unit (--depth-unit-m)?"
+    "add --tilt DEGREES (and --roll of a camera that is turned, --camera-height-m METRES if that does not do), or a "
+    "box around the table below the camera; are the depths in the right unit (--depth-unit-m)?"
 )
 
 
@@ -279,11 +286,30 @@ def floor_below(
     if small := _small_floor(found, lowest, things):
         return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
     carrier = _carrier(found, things)
-    if carrier is None and lowest.height_m >= _DESK_M:
+    if carrier is None and (lowest.height_m >= _DESK_M or _stands_furniture(found, lowest, things)):
         return _floor(found.up, lowest, "plane fitted to the depth")
     named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))
     assumed = f"assumed: {top_m:.2f} m below the top of the {named}, which is {lowest.height_m:.2f} m below the camera"
     return _below(found.up, lowest, lowest.height_m + top_m, f"{assumed}; no floor is visible")
+
+
+def planes_below(
+    found: LevelPlanes | None, depth: Depth, camera: Intrinsics, things: Sequence[Detection]
+) -> LevelPlanes | None:
+    """Return the level planes of a picture, by a detected table's top where the camera looks down or is turned.
+
+    Args:
+        found: The planes of a camera that is held upright, if any; those below a table have to be far larger.
+        depth, camera: The input.
+        things: Detections.
+    """
+    for table in (one for one in things if one.category in _TOPS):
+        others = [one.box_px for one in things if one is not table and one.area_px < table.area_px]
+        about = top_direction(depth, camera, table.box_px, others)
+        turned = None if about is None else level_planes(depth, camera, about)
+        if turned is not None and (found is None or turned.area_m2 > _CLEARER * found.area_m2):
+            return turned
+    return found
 
 
 def unnamed_top(found: LevelPlanes | None, floor: FloorPlane, things: Sequence[Detection]) -> Detection | None:
@@ -311,17 +337,30 @@ def _small_floor(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detect
 
 
 def _carrier(found: LevelPlanes, things: Sequence[Detection]) -> Detection | None:
-    """Return the detected table of which the lowest plane is the top: no other plane in its box is its top."""
+    """Return the detected table of which the lowest plane is the top: no other plane in its box is its top.
+
+    Nearer below the camera than a floor, it may be a seat or a bed as well.
+    """
     lowest = _lowest(found)
+    tops = _TOPS if lowest.height_m >= _DESK_M else (*_TOPS, *_SEATS_M)
     higher = [one for one in found.planes if one.height_m < lowest.height_m - _LEAST_LOWER_M]
-    for thing in sorted((one for one in things if one.category in _TOPS), key=lambda one: one.area_px):
+    for thing in sorted((one for one in things if one.category in tops), key=lambda one: one.area_px):
         is_in = lowest.share_in(thing.box_px) >= _ON_TOP
         if is_in and not any(one.share_in(thing.box_px) >= _ON_TOP for one in higher):
             return thing
     return None
 
 
+def _stands_furniture(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detection]) -> bool:
+    """Return whether a plane near below the camera is the floor: furniture has boxes, and nothing is lower."""
+    names = (one.category or "" for one in things)
+    standing = any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names if name not in _TOPS)
+    return standing and found.deepest_m < lowest.height_m + _NOTHING_BELOW_M
+
+
 def _usual_top_m(thing: Detection) -> float:
+    if thing.category in _SEATS_M:
+        return _SEATS_M[thing.category]
     entry = next(one for one in LIBRARY.values() if one.category == thing.category)
     return entry.height.clipped(USUAL_TOP_M, entry.width.low)
 
@@ -342,7 +381,9 @@ def tilt_deg(up: Array) -> float:
 
 def level_rotation(up: Array) -> Array:
     """Return (3, 3) camera to level: z up, x where the camera looks."""
-    ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    # Where it looks straight down, upwards in the picture is ahead.
+    view = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < _STRAIGHT_DOWN else np.array([0.0, -1.0, 0.0])
+    ahead = view - (view @ up) * up
     ahead /= np.linalg.norm(ahead)
     return np.stack([ahead, np.cross(up, ahead), up])
 

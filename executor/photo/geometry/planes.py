@@ -1,12 +1,15 @@
-"""Level planes of a depth picture, and the vertical that they share.
+"""Level planes of a depth picture, and the vertical that they share with walls and fronts.
 
 Inverse depth is linear in the picture on a plane, so that each neighbourhood has its plane by least squares. Floors,
-tops and seats are level: of all directions of such planes, the one that most of them share is the vertical.
+tops and seats are level, walls and fronts upright: of the three square directions that most neighbourhoods face, the
+vertical is the one that is nearest to upwards in the picture. Walls so level a noisy picture with little floor.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,13 +28,18 @@ STEEPEST_RAD = math.radians(70.0)
 _CELLS, _WINDOW = 160, 7  # Along the longer side; cells of a neighbourhood.
 _LEAST_SHARE, _UNEVEN = 0.5, 0.012  # Of a cell that is measured; of the depth, by which a neighbourhood is uneven.
 _NEAREST_M, _FARTHEST_M = 0.1, 7.0  # Beyond that, noise makes every plane as good.
-_CANDIDATES, _ALIKE_RAD = 500, math.radians(4.0)
+_COUNTED, _CANDIDATES, _DIRECTIONS = 3000, 400, 8  # Cells that are counted; second and first directions of frames.
+_ALIKE_RAD, _SQUARE_RAD = math.radians(4.0), math.radians(6.0)
+_ASIDE = math.sin(math.radians(75.0))  # A second direction is about square to the first one.
 _GIVEN_RAD = math.radians(12.0)  # Between a given vertical and that of the depth.
-_LEVEL_RAD = math.radians(7.0)  # Error of a neighbourhood's direction.
-_LEAST_CELLS = 50
+_LEVEL_RAD = (math.radians(7.0), math.radians(15.0))  # Error of a neighbourhood's direction, and if noise is strong.
+_OF_TOP, _CARRIED = 0.6, 2  # Share of a table's own cells that its top has; boxes in that of the table.
+_LEAST_CELLS, _LEAST_OF_PLANE, _LARGE_M2 = 50, (50, 20), 0.1
 _BIN_M, _APART_M, _MOST = 0.01, 0.12, 6  # Heights are counted in bins; planes nearer to each other are one.
 _LEAST_PLANE = 0.01  # Of the level cells: less is no plane.
 _POINTS, _NEAR_M, _SIGMAS, _ROUNDS = 12000, (0.04, 0.02, 0.01, 0.01), 3.0, 2
+_INDEPENDENT, _SQUARED_RAD = 20.0, math.radians(1.0)  # Points whose errors are apart; error of the square directions.
+Box = tuple[float, float, float, float]
 _TYPICAL = (0.002, 0.0018)  # Noise of depth cameras for rooms: near [m], and by the square of the depth [1/m].
 
 
@@ -51,10 +59,9 @@ class LevelPlane:
     residual_m: float
     pixels: Array
 
-    def share_in(self, box_px: tuple[float, float, float, float]) -> float:
+    def share_in(self, box_px: Box) -> float:
         """Return the share of it that is inside a box."""
-        inside = (self.pixels >= box_px[:2]).all(axis=1) & (self.pixels <= box_px[2:]).all(axis=1)
-        return float(inside.mean())
+        return float(_in_box(self.pixels, box_px).mean())
 
 
 @dataclass(frozen=True)
@@ -64,18 +71,25 @@ class LevelPlanes:
     Attributes:
         up: (3,) vertical in the camera's frame.
         planes: The lowest first.
+        deepest_m: How far below the camera the lowest hundredth of what was measured begins.
     """
 
     up: Array
     planes: tuple[LevelPlane, ...]
+    deepest_m: float = math.inf
+
+    @property
+    def area_m2(self) -> float:
+        """Visible area of all of them."""
+        return sum(one.area_m2 for one in self.planes)
 
 
 @dataclass(frozen=True)
 class _Cells:
-    """The evenly measured cells of a picture that face upwards: N of them.
+    """The evenly measured cells of a picture: N of them.
 
     Attributes:
-        normals: (N, 3) of the planes of their neighbourhoods.
+        normals: (N, 3) of the planes of their neighbourhoods, towards the camera.
         points_m: (N, 3) in the camera's frame.
         area_m2: (N,) of their surface.
         pixels: (N, 2) their middles.
@@ -104,7 +118,7 @@ class _Cells:
         planes, uneven = _neighbourhoods(inverse, ray, known)
         size = np.maximum(np.linalg.norm(planes, axis=-1), 1e-9)
         normals = -planes / size[..., None]
-        good = known & (uneven < _UNEVEN) & (-normals[..., 1] > math.cos(STEEPEST_RAD))
+        good = known & (uneven < _UNEVEN)
         z = 1.0 / np.maximum(inverse[good], 1e-6)
         slope = np.maximum(-(normals[good] * ray[good]).sum(axis=1), 1e-3)
         v, u = np.nonzero(good)
@@ -134,11 +148,11 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
 
     Args:
         depth, camera: The input.
-        about: (3,) the vertical as people give it, which is within some degrees.
+        about: (3,) the vertical as people give it, which is within some degrees; by default upwards in the picture.
     """
     rays = camera.rays((depth.z_m.shape[1], depth.z_m.shape[0]))
     cells = _Cells.of(depth.z_m, rays, camera)
-    found = _shared_direction(cells, about)
+    found = _vertical(cells.normals, about)
     if found is None:
         return None
     planes = _planes(cells, found)
@@ -147,34 +161,99 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
             break
         found = _refined(depth.z_m, rays, found, [one.height_m for one in planes])
         planes = _planes(cells, found)
-    return LevelPlanes(found, tuple(planes)) if planes else None
+    deepest_m = float(np.percentile(-(cells.points_m @ found), 99.0))
+    return LevelPlanes(found, tuple(planes), deepest_m) if planes else None
 
 
-def _shared_direction(cells: _Cells, about: Array | None) -> Array | None:
-    normals = cells.normals if about is None else cells.normals[cells.normals @ about > math.cos(_GIVEN_RAD)]
+def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
+    """Return (3,) the direction of a table's top that is seen from above, however the camera is turned; None if unsure.
+
+    The top is the one plane of most of what the table's box shows besides other boxes, and several of these are on it.
+
+    Args:
+        depth, camera: The input.
+        table_px: The table's box.
+        others_px: Boxes of other things.
+    """
+    x0, y0, x1, y1 = table_px
+    if sum(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in others_px) < _CARRIED:
+        return None
+    cells = _Cells.of(depth.z_m, camera.rays((depth.z_m.shape[1], depth.z_m.shape[0])), camera)
+    own = _in_box(cells.pixels, table_px)
+    for box in others_px:
+        own &= ~_in_box(cells.pixels, box)
+    normals = cells.normals[own]
     if len(normals) < _LEAST_CELLS:
         return None
-    tried = normals[np.linspace(0, len(normals) - 1, min(_CANDIDATES, len(normals))).astype(int)]
-    alike = (tried @ normals.T > math.cos(_ALIKE_RAD)).sum(axis=1)
-    found = tried[int(alike.argmax())]
+    some = normals[np.linspace(0, len(normals) - 1, min(_CANDIDATES, len(normals))).astype(int)]
+    alike = (some @ normals.T > math.cos(_LEVEL_RAD[0])).mean(axis=1)
+    return np.asarray(some[int(alike.argmax())]) if alike.max() >= _OF_TOP else None
+
+
+def _in_box(pixels: Array, box_px: Box) -> NDArray[np.bool_]:
+    return np.asarray((pixels >= box_px[:2]).all(axis=1) & (pixels <= box_px[2:]).all(axis=1))
+
+
+def _vertical(normals: Array, about: Array | None) -> Array | None:
+    """Return (3,) which of the three square directions that most normals (N, 3) face is upwards; None without any."""
+    if len(normals) < _LEAST_CELLS:
+        return None
+    counted = normals[np.linspace(0, len(normals) - 1, min(_COUNTED, len(normals))).astype(int)]
+    tried = counted[np.linspace(0, len(counted) - 1, min(_CANDIDATES, len(counted))).astype(int)]
+    alike = (np.abs(tried @ counted.T) > math.cos(_ALIKE_RAD)).sum(axis=1)
+    firsts: list[Array] = []
+    for index in np.argsort(-alike, kind="stable"):
+        if len(firsts) < _DIRECTIONS and all(abs(tried[index] @ one) < math.cos(_SQUARE_RAD) for one in firsts):
+            firsts.append(tried[index])
+    upwards = np.array([0.0, -1.0, 0.0]) if about is None else about
+    least = math.cos(STEEPEST_RAD if about is None else _GIVEN_RAD)
+    most, best = 0, None
+    for first, second in itertools.product(firsts, [*tried, *np.eye(3)]):
+        aside = second - (second @ first) * first
+        length = float(np.linalg.norm(aside))
+        if length < _ASIDE:
+            continue
+        frame = np.stack([first, aside / length, np.cross(first, aside / length)])
+        frame *= np.sign(frame @ upwards)[:, None]
+        along = counted @ frame.T
+        count = int((np.abs(along) > math.cos(_SQUARE_RAD)).sum())
+        # Of what goes upwards in the picture, floors and tops face that way, and walls the other one.
+        faced = np.where(frame @ upwards > least, (along > math.cos(_SQUARE_RAD)).sum(axis=0), 0)
+        if count > most and faced.max() > 0:
+            most, best = count, np.roll(frame, -int(faced.argmax()), axis=0)
+    if best is None:
+        return None
     for _ in range(4):
-        on = normals @ found > math.cos(_ALIKE_RAD)
-        found = np.median(normals[on], axis=0)
-        found = found / np.linalg.norm(found)
-    return found if alike.max() >= _LEAST_CELLS else None
+        on = normals @ best.T
+        means = np.zeros((3, 3))
+        for axis, one in enumerate(on.T):
+            faces = np.abs(one) > math.cos(_SQUARE_RAD)
+            # Many cells of one plane have its error in common.
+            means[axis] = (normals[faces] * np.sign(one[faces, None])).sum(axis=0) / (faces.sum() + _LEAST_CELLS)
+        left, _, right = np.linalg.svd(means)
+        best = left @ right
+    return np.asarray(best[0])
 
 
 def _planes(cells: _Cells, up: Array) -> list[LevelPlane]:
     """Return the planes across a vertical, the lowest first."""
-    level = cells.normals @ up > math.cos(_LEVEL_RAD)
+    found: list[LevelPlane] = []
+    for error_rad, least in zip(_LEVEL_RAD, _LEAST_OF_PLANE, strict=True):
+        if sum(one.area_m2 for one in found) < _LARGE_M2:
+            found = _planes_within(cells, up, error_rad, least)
+    return found
+
+
+def _planes_within(cells: _Cells, up: Array, error_rad: float, least: int) -> list[LevelPlane]:
+    level = cells.normals @ up > math.cos(error_rad)
     heights, area, pixels = -(cells.points_m[level] @ up), cells.area_m2[level], cells.pixels[level]
     left = heights > _NEAREST_M
     found: list[LevelPlane] = []
-    while left.sum() > max(_LEAST_CELLS, _LEAST_PLANE * len(left)) and len(found) < _MOST:
+    while left.sum() > max(least, _LEAST_PLANE * len(left)) and len(found) < _MOST:
         counts, edges = np.histogram(heights[left], np.arange(_NEAREST_M, _FARTHEST_M, _BIN_M))
         best = int(gaussian_filter1d(counts.astype(float), 2.0).argmax())
         on = left & (np.abs(heights - (edges[best] + _BIN_M / 2)) < _APART_M / 2)
-        if on.sum() > max(_LEAST_CELLS, _LEAST_PLANE * len(left)):
+        if on.sum() > max(least, _LEAST_PLANE * len(left)):
             height_m = float(np.median(heights[on]))
             off_m = float(np.median(np.abs(heights[on] - height_m)))
             found.append(LevelPlane(height_m, float(area[on].sum()), off_m, pixels[on]))
@@ -195,12 +274,24 @@ def _refined(z_m: Array, rays: Array, up: Array, heights_m: list[float]) -> Arra
         of = off.argmin(axis=0)
         on = (off[of, np.arange(len(z))] < near_m + _SIGMAS * sigma * slope) & (slope > 0.02)
 
-        def error(values: Array, on: NDArray[np.bool_] = on, of: NDArray[np.intp] = of) -> Array:
+        weight = math.sqrt(on.sum() / _INDEPENDENT) / _SQUARED_RAD
+
+        def error(
+            values: Array, on: NDArray[np.bool_] = on, of: NDArray[np.intp] = of, weight: float = weight
+        ) -> Array:
             slope = -(ray[on] @ Rotation.from_rotvec(values[:3]).apply(up))
-            return np.asarray((z[on] - values[3:][of[on]] / np.maximum(slope, 1e-3)) / sigma[on])
+            off = (z[on] - values[3:][of[on]] / np.maximum(slope, 1e-3)) / sigma[on]
+            return np.concatenate([off, weight * values[:3]])
 
         if on.sum() < _LEAST_CELLS:
             break
-        fitted = least_squares(error, [*turned.as_rotvec(), *heights], loss="cauchy", max_nfev=8).x
+        fitted = least_squares(error, [*turned.as_rotvec(), *heights], loss=_cauchy_but_last, max_nfev=8).x
         turned, heights = Rotation.from_rotvec(fitted[:3]), fitted[3:]
     return np.asarray(turned.apply(up))
+
+
+def _cauchy_but_last(squares: Array) -> Array:
+    """Return (3, N) Cauchy's loss of squares (N,) and its derivatives; the last three count as they are."""
+    loss = np.stack([np.log1p(squares), 1.0 / (1.0 + squares), -1.0 / (1.0 + squares) ** 2])
+    loss[:, -3:] = squares[-3:], np.ones(3), np.zeros(3)
+    return loss

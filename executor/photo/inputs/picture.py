@@ -202,10 +202,12 @@ class Intrinsics:
 DepthKind: TypeAlias = Literal["measured", "guessed"]
 """A sensor measured a depth, or a network guessed it from the picture."""
 
-HEIGHTS_M = (0.4, 3.0)
+HEIGHTS_M = (0.05, 3.0)
 """Of a camera above a floor."""
 
-_TILTS_DEG, _ROLLS_DEG = (-45.0, 85.0), (-45.0, 45.0)
+_TILTS_DEG, _ROLLS_DEG = (-45.0, 90.0), (-180.0, 180.0)
+UPRIGHT_DEG = 45.0
+"""Largest roll without depth: a thing ends where its box does, down in the picture."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
 from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
 from executor.photo.inputs.usual import carries, hung_depth_m
 from llm.vision import overlap
-from oag.model.symbols import Kind, carries_things, is_known, kind_of
+from oag.model.symbols import Kind, carries_things, has_boards, is_known, kind_of
 
 SAME_M = 0.02
 """Between the height of a top and of an object on it, after the top has moved since."""
@@ -105,8 +105,9 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     at = np.median(points[:, :2], axis=0)
     under = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M and top.is_near(at)]
     heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
-    # What is over an item is in it or on it, and not below.
-    least_m = max((top.height_m for top in under if is_item(top.of) and top.distance_m(at) == 0.0), default=0.0)
+    # What is over an item, or a board on a top, is in it or on it, and not below.
+    loose = [top for top in under if is_item(top.of) or top.of.bottom_m > 0.0]
+    least_m = max((top.height_m for top in loose if top.distance_m(at) == 0.0), default=0.0)
     heights = [height for height in heights if height >= least_m]
     near = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
     return near[:_MOST] or [round(low, 4)]
@@ -315,15 +316,17 @@ class RoomEstimate:
         )
 
     def _above(self, index: int) -> Array:
-        """Return (N, 3) rays to where boxes end, without depth, of things that may stand on a piece of furniture.
+        """Return (N, 3) rays to where boxes end, without depth or on boards, of things that may stand on a piece.
 
         They end in its box, and are neither furniture nor usually on walls; nothing is usually put on a chair.
         """
         own = self.detections[index]
         category = own.category or plain_name(own.label) or ""
         rays: list[Array] = []
-        is_support = self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0))
-        if is_support and not self.observation.has_depth:
+        is_support = carries(own.label) or (
+            self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0))
+        )
+        if is_support and (has_boards(category) or not self.observation.has_depth):
             width, height = self.observation.size_px
             left, top, right, bottom = own.box_px
             for other, thing in enumerate(self.detections):
@@ -381,7 +384,7 @@ class RoomEstimate:
         """Return the tops that a thing may stand on by its box: where it ends is in the box of what has the top.
 
         Of others than furniture only those carry something on which things usually stand: what is before a thing is not
-        below it.
+        below it. On a chair something stands only where no other support is there.
 
         Args:
             detection: The thing.
@@ -396,7 +399,8 @@ class RoomEstimate:
             ends_in_it &= y1 < top + share * (bottom - top) + over_y
             if ends_in_it and (is_furniture(self.detections[index]) or carries(self.detections[index].label)):
                 seen.append(fit.guess)
-        return list(tops_of(seen))
+        usual = [one for one in seen if is_item(one) or carries_things(one.entry.category, Kind.SUPPORT)]
+        return list(tops_of(usual or seen))
 
     def flat_beneath(self, detection: Detection) -> Fit | None:
         """Return the fit of the flat thing, such as a plate, in whose box another one ends; the smallest of several."""

@@ -28,6 +28,7 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import WALL, Detection
 from executor.photo.inputs.usual import hung_depth_m
 from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
+from oag.model.symbols import has_boards
 
 Box = tuple[float, float, float, float]
 
@@ -115,7 +116,9 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     at = np.median(points[:, :2], axis=0)
     tops = list(tops_of(fit.guess for fit in room.fits.values()))
     if usual_m is None:
-        on_top = any(abs(top.height_m - low_m) < NEAR_TOP_M and top.is_near(at) for top in tops)
+        # Behind what is in a shelf is the back of that.
+        near = [top for top in tops if top.is_near(at)]
+        on_top = any(abs(top.height_m - low_m) < NEAR_TOP_M or has_boards(top.of.entry.category) for top in near)
     else:
         on_top = any(abs(top.height_m - low_m) < _ON_TOP_M and top.distance_m(at) == 0.0 for top in tops)
     wall = wall_behind(view, detection.box_px, room.walls)

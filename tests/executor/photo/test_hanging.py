@@ -12,6 +12,7 @@ import pytest
 import llm
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY
+from executor.photo.fitting.fit import fills_picture
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.fitting.likelihood import carried_cost
 from executor.photo.fitting.starts import generic_models, stands_on_floor
@@ -22,7 +23,7 @@ from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow, usual_
 from executor.photo.output import stands_on
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.pipeline import PhotoResult
-from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.estimate import RoomEstimate, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
 from executor.photo.yielding import YIELDS, yielding
@@ -160,6 +161,64 @@ def test_a_top_that_ends_before_what_stands_on_it_costs_and_no_more_than_so_much
     assert carried_cost(TABLE, eye, np.concatenate([over, beyond])) == pytest.approx(6.0)
     chairless = replace(TABLE, entry=GENERIC["generic_box"])
     assert carried_cost(chairless, eye, np.zeros((0, 3))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("model", "turned", "least", "most"),
+    [
+        ("armchair_upholstered", 0.0, 0.0, 0.0),
+        ("armchair_upholstered", 0.5, 0.0, 0.0),
+        ("armchair_upholstered", 1.6, 6.0, 6.0),
+        ("armchair_upholstered", 3.1, 6.0, 6.0),
+        ("shelf_open", 0.0, 0.0, 6.0),
+        ("shelf_open", 3.1, np.inf, np.inf),
+    ],
+)
+def test_what_is_seen_on_a_seat_or_in_a_shelf_is_before_its_back(
+    model: str, turned: float, least: float, most: float
+) -> None:
+    entry = next(one for name, one in LIBRARY.items() if name == model)
+    eye, size = np.array([0.0, 0.0, 1.4]), (0.8, 0.8, 0.8)
+    over = np.array([[1.0, 0.0, -0.6]])
+    found = carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over)
+    assert least <= found <= most
+    assert carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over[:0]) == 0.0
+
+
+def test_a_shelf_at_the_border_does_not_carry_the_picture_as_a_table_does() -> None:
+    def detected(category: str) -> Detection:
+        return Detection(category, category, (500.0, 0.0, 640.0, 480.0), 1.0, "me")
+
+    assert fills_picture(detected("table"), (640, 480)) and not fills_picture(detected("shelf"), (640, 480))
+
+
+def test_what_is_over_a_board_is_on_it_and_what_is_wider_is_on_the_table() -> None:
+    board = PoseHypothesis(replace(BOX, category="board"), 2.0, 0.0, 0.0, 0.7, (0.4, 0.4, 0.012))
+    can = PoseHypothesis(LIBRARY["can"], 2.05, 0.05, 0.0, 0.7, (0.07, 0.07, 0.1))
+    found, _ = resolve_overlaps({"table": TABLE, "board": board, "can": can}, ())
+    assert found["can"].bottom_m == pytest.approx(0.712) and found["can"].x_m == pytest.approx(2.05)
+    beside, _ = resolve_overlaps({"table": TABLE, "board": board, "can": replace(can, y_m=0.3)}, ())
+    assert beside["can"].bottom_m == pytest.approx(0.7)
+    wide = PoseHypothesis(BOX, 2.0, 0.0, 0.0, 0.7, (0.1, 0.6, 0.2))
+    kept, _ = resolve_overlaps({"table": TABLE, "board": replace(board, size_m=(0.2, 0.2, 0.012)), "wide": wide}, ())
+    assert kept["wide"].bottom_m == pytest.approx(0.7)
+
+
+def test_a_thing_between_boards_is_on_one_of_them_and_not_on_the_next_shelfs() -> None:
+    shelf = PoseHypothesis(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.8, 1.5), (("boards", 1),))
+    other = replace(shelf, y_m=0.85, parameters=(("boards", 3),))
+    levels = [
+        sorted({round(top.height_m, 3) for top in tops_of([one]) if top.height_m < 1.4}) for one in (shelf, other)
+    ]
+    between = next(level for level in levels[1] if min(abs(level - own) for own in levels[0]) > 0.13)
+    can = PoseHypothesis(LIBRARY["can"], 2.0, 0.3, 0.0, between, (0.07, 0.07, 0.1))
+    found, _ = resolve_overlaps({"shelf": shelf, "other": other, "can": can}, ())
+    assert abs(found["can"].y_m) < 0.4 and found["can"].bottom_m == pytest.approx(
+        min(levels[0], key=lambda level: abs(level - between)), abs=0.002
+    )
+    # What is before a shelf is on no board.
+    before, _ = resolve_overlaps({"shelf": shelf, "can": replace(can, x_m=1.2, bottom_m=0.0)}, ())
+    assert before["can"].bottom_m == 0.0 and before["can"].x_m == pytest.approx(1.2)
 
 
 def test_a_person_may_say_that_something_hangs_or_that_it_does_not() -> None:

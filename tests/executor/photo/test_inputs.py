@@ -302,8 +302,8 @@ def test_the_command_line_says_in_one_message_what_cannot_be_used(
         ("half.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "truncated",
         ("letter.png", "--boxes", "own.json", *camera): "no known format",
         ("noise.png", "--depth", "letter.png", "--boxes", "own.json", *camera): "no known format",
-        ("noise.png", "--boxes", "own.json", "--camera-height-m", "nan", *camera): "metres from 0.4 to 3",
-        ("noise.png", "--boxes", "own.json", "--tilt", "95", *camera): "degrees from -45 to 85",
+        ("noise.png", "--boxes", "own.json", "--camera-height-m", "nan", *camera): "metres from 0.05 to 3",
+        ("noise.png", "--boxes", "own.json", "--tilt", "95", *camera): "degrees from -45 to 90",
         ("noise.png", *camera): "3 things are missing",
     }
     for words, said in ends.items():

@@ -1,4 +1,4 @@
-"""A picture without depth is levelled by its lines, and scaled by the camera's height."""
+"""A picture without depth is levelled as given, and its lines tell how furniture is turned."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from benchmarks.drawn_rooms.rooms import DrawnRoom
-from executor.bench.photo.truth import photograph, photographer
 from executor.geometry import Array
-from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.level import flat_observation, level_by_height
-from executor.photo.geometry.lines import find_upright
+from executor.photo.geometry.level import flat_observation, level_as_given
+from executor.photo.geometry.lines import heading_of_lines
 from executor.photo.geometry.observation import level_rotation
 from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 
@@ -54,68 +52,23 @@ def drawn(*places: tuple[float, float], colours: Sequence[Sequence[int]] = GREYS
     return Photograph(Path("drawn.png"), cv2.resize(rgb, SIZE, interpolation=cv2.INTER_AREA), Exif(None, None, ""))
 
 
-@pytest.fixture(scope="module")
-def picture() -> Photograph:
-    return drawn((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))
-
-
-def off_deg(up: Array) -> float:
-    """Return how far a direction is off the one that is up."""
-    return math.degrees(math.acos(float(np.clip(up @ UP, -1.0, 1.0))))
-
-
-def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) -> None:
-    found = find_upright(picture, CAMERA)
-    assert off_deg(found.up) < 0.2
-    floor = level_by_height(found, HEIGHT_M)
-    assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "lines; the camera" in floor.source
-    seen = flat_observation(picture, CAMERA, floor)
+@pytest.mark.parametrize("colours", [GREYS, ALIKE], ids=["greys", "hues of one brightness"])
+@pytest.mark.parametrize("factor", [0.75, 1.0, 2.5])
+def test_level_lines_tell_how_furniture_is_turned_at_any_resolution(
+    colours: Sequence[Sequence[int]], factor: float
+) -> None:
+    shown = drawn((3.2, 0.9), (2.9, -0.2), (2.7, -1.1), colours=colours)
+    size = round(factor * SIZE[0]), round(factor * SIZE[1])
+    shown = replace(shown, rgb=np.asarray(Image.fromarray(shown.rgb).resize(size, Image.Resampling.LANCZOS)))
+    camera = Intrinsics(520.0 * factor, 520.0 * factor, 320.0 * factor, 240.0 * factor, "drawn")
+    floor = level_as_given(UP, HEIGHT_M)
+    assert floor.tilt_deg == pytest.approx(20.0) and floor.height_m == HEIGHT_M
+    seen = flat_observation(shown, camera, floor)
     assert not seen.has_depth and seen.heading_rad is not None
     assert abs(math.remainder(seen.heading_rad - TURNED_RAD, math.pi / 2)) < math.radians(1.0)
 
 
-def test_level_lines_tell_how_far_a_camera_looks_down_where_upright_ones_do_not() -> None:
-    # By its upright lines alone it is 0.25 degrees off.
-    assert off_deg(find_upright(drawn((4.2, 0.4), (3.5, -0.3), (2.8, 0.3)), CAMERA).up) < 0.1
-
-
-def test_lines_between_hues_of_one_brightness_are_as_good_as_others() -> None:
-    # In grey there is hardly a line.
-    assert off_deg(find_upright(drawn((3.2, 0.9), (2.9, -0.2), colours=ALIKE), CAMERA).up) < 0.2
-
-
-@pytest.mark.slow
-@pytest.mark.render
-@pytest.mark.parametrize(
-    ("room", "off_rad"),
-    [
-        # What stands askew, and lines of little contrast, made up 3 to 5 mrad off: 2 cm of a cup's place on a table.
-        (DrawnRoom("household", 77800, 4), 1e-3),
-        (DrawnRoom("household", 77800, 47), 1e-3),
-        # More lines went by another direction, 4 degrees off, as long as headings were those one begins with.
-        (DrawnRoom("T3", 78502, None), 3e-3),
-    ],
-    ids=str,
-)
-def test_up_is_told_in_rooms_where_not_all_lines_go_alike(room: DrawnRoom, off_rad: float) -> None:
-    with photographer():
-        shot = photograph(room.pair().scene, room.camera_seed)
-    K = shot.K
-    camera = Intrinsics(K[0, 0], K[1, 1], K[0, 2], K[1, 2], "drawn")
-    found = find_upright(Photograph(Path("room.png"), shot.rgb, Exif(None, None, "")), camera)
-    assert np.linalg.norm(found.up - shot.T_world_camera[2, :3]) < off_rad
-
-
-def test_up_is_square_to_other_lines_and_not_where_most_meet(picture: Photograph) -> None:
-    cv2 = pytest.importorskip("cv2")
-    rgb, meet = picture.rgb.copy(), np.array([1000.0, -900.0])
-    for x in range(50, 610, 90):
-        ends = [meet + (np.array([x, 470.0]) - meet) * (row - meet[1]) / (470.0 - meet[1]) for row in (5.0, 115.0)]
-        cv2.line(rgb, *(tuple(np.round(end * 16).astype(int).tolist()) for end in ends), (230,) * 3, 2, cv2.LINE_AA, 4)
-    assert off_deg(find_upright(replace(picture, rgb=rgb), CAMERA).up) < 0.3
-
-
-def test_a_picture_without_lines_is_refused() -> None:
+def test_where_no_two_directions_stand_out_nothing_is_turned() -> None:
+    pytest.importorskip("cv2")
     grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
-    with pytest.raises(PhotoRefused, match="0 lines of it are upright"):
-        find_upright(grey, CAMERA)
+    assert heading_of_lines(grey, CAMERA, level_rotation(UP)) is None

@@ -16,15 +16,12 @@ from executor.bench.photo.picture_score import angle_deg
 from executor.cli.app import run
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.lines import find_upright
-from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, unnamed_top
+from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, planes_below, unnamed_top
 from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
 from executor.photo.inputs.annotations import Detection, boxes_in
 from executor.photo.inputs.depth import Depth, depth_in
 from executor.photo.inputs.picture import CameraFacts, Exif, Intrinsics, Photograph, read_facts, up_in_camera
 from executor.photo.pipeline import AuxiliaryInputs, read_inputs
-from tests.executor.photo.test_level import CAMERA as LINES_CAMERA
-from tests.executor.photo.test_level import drawn as drawn_boxes
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(290.0, 290.0, 160.0, 120.0, "drawn")
@@ -129,6 +126,70 @@ def test_a_given_height_decides_and_a_given_tilt_stands_where_nothing_level_is_m
         floor_below("p", level_planes(depth_of(up_in_camera(60.0, 0.0), 3.5), CAMERA))
 
 
+def corner_of(up: Array, top_m: float, growth: float, seed: int = 0) -> Depth:
+    """Return the depth of two walls that meet, and of a narrow top at 1.6 to 2.1 m between them."""
+    ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    ahead /= np.linalg.norm(ahead)
+    aside = np.cross(ahead, up)
+    rays = CAMERA.rays(SIZE)
+    z = np.full(rays.shape[:2], 9.0)
+    for normal, off_m in ((ahead + 0.6 * aside, 2.6), (ahead - aside / 0.6, 3.4)):
+        facing = rays @ (normal / np.linalg.norm(normal))
+        z = np.where(facing > 1e-6, np.minimum(z, off_m / np.maximum(facing, 1e-6)), z)
+    level = top_m / np.maximum(-(rays @ up), 1e-6)
+    z = np.where((level > 1.6) & (level < 2.1) & (np.abs(rays[..., 0]) < 0.25), level, z)
+    noise = np.random.default_rng(seed).normal(size=z.shape)
+    return Depth(np.maximum(z + noise * (0.001 + growth * z**2), 0.11), "drawn")
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 6.0])
+def test_walls_level_a_noisy_picture_with_little_that_is_level(roll_deg: float) -> None:
+    up = up_in_camera(8.0, roll_deg)
+    found = level_planes(corner_of(up, 0.5, 0.008), CAMERA)
+    assert found is not None and angle_deg(found.up, up) < 1.5
+    assert found.planes[0].height_m == pytest.approx(0.5, abs=0.05)
+    # Walls alone are no floor.
+    assert level_planes(corner_of(up, 9.0, 0.008), CAMERA) is None
+
+
+CARRIED = [Detection("can", "can", (x, 100.0, x + 40.0, 150.0), 1.0, "me") for x in (60.0, 160.0)]
+
+
+@pytest.mark.parametrize(("tilt_deg", "roll_deg"), [(84.0, 0.0), (80.0, 45.0), (65.0, 178.0)])
+def test_a_boxed_table_that_carries_things_levels_a_camera_that_is_turned(tilt_deg: float, roll_deg: float) -> None:
+    up = up_in_camera(tilt_deg, roll_deg)
+    depth = depth_of(up, None, 0.6)
+    upright = level_planes(depth, CAMERA)
+    table = Detection("table", "table", EVERYTHING, 1.0, "me")
+    found = planes_below(upright, depth, CAMERA, [table, *CARRIED])
+    assert found is not None and angle_deg(found.up, up) < 0.5
+    assert floor_below("p", found, [table]).above_top_m == pytest.approx(0.6, abs=0.02)
+    # A box around something else, and one that carries nothing, may show a wall.
+    for things in ([replace(table, category="wardrobe"), *CARRIED], [table, CARRIED[0]]):
+        assert planes_below(upright, depth, CAMERA, things) is upright
+    given_up = level_planes(depth, CAMERA, up)
+    assert given_up is not None and angle_deg(given_up.up, up) < 0.5
+
+
+def test_a_plane_near_below_the_camera_is_the_floor_where_furniture_stands_and_nothing_is_lower() -> None:
+    low = level_planes(depth_of(up_in_camera(10.0, 0.0), 0.2), CAMERA)
+    chair = Detection("chair", "chair", (200.0, 0.0, 300.0, 200.0), 1.0, "me")
+    assert floor_below("p", low, [chair]).height_m == pytest.approx(0.2, abs=0.02)
+    assert floor_below("p", low, [replace(chair, category="mug")]).above_top_m is not None
+    assert low is not None
+    assert floor_below("p", replace(low, deepest_m=0.9), [chair]).above_top_m is not None
+
+
+def test_a_bed_that_fills_the_picture_is_as_high_as_beds_are() -> None:
+    found = level_planes(depth_of(up_in_camera(35.0, 0.0), None, 0.7), CAMERA)
+    bed = Detection("bed", "bed", EVERYTHING, 1.0, "me")
+    floor = floor_below("p", found, [bed])
+    assert floor.height_m == pytest.approx(1.2, abs=0.02) and unnamed_top(found, floor, [bed]) is None
+    # As far down as a floor, it is one.
+    far = level_planes(depth_of(up_in_camera(35.0, 0.0), None, 0.9), CAMERA)
+    assert floor_below("p", far, [bed]).above_top_m is None
+
+
 def test_of_two_slopes_the_one_near_the_given_tilt_is_level() -> None:
     # A board that leans by 25 degrees fills most of the picture.
     up, board = up_in_camera(30.0, 0.0), up_in_camera(55.0, 0.0)
@@ -140,37 +201,13 @@ def test_of_two_slopes_the_one_near_the_given_tilt_is_level() -> None:
     assert near is not None and angle_deg(near.up, up) < 1.0
 
 
-def test_lines_tell_the_same_at_any_resolution() -> None:
-    cv2 = pytest.importorskip("cv2")
-    clear = drawn_boxes((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))
-    clutter = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
-    vague = replace(clear, rgb=cv2.resize(clutter, clear.size_px, interpolation=cv2.INTER_NEAREST))
-    vague = replace(
-        vague,
-        rgb=np.ascontiguousarray(cv2.warpAffine(vague.rgb, np.float64([[1, 0.3, 0], [0.2, 1, 0]]), clear.size_px)),
-    )
-    ups = []
-    for factor in (0.75, 1.0, 2.5):
-        camera = Intrinsics(*(factor * one for one in (520.0, 520.0, 320.0, 240.0)), "drawn")
-        size = round(factor * 640), round(factor * 480)
-
-        def scaled(picture: Photograph, size: tuple[int, int] = size) -> Photograph:
-            return replace(picture, rgb=np.asarray(Image.fromarray(picture.rgb).resize(size, Image.Resampling.LANCZOS)))
-
-        ups.append(find_upright(scaled(clear), camera).up)
-        with pytest.raises(PhotoRefused) as caught:
-            find_upright(scaled(vague), camera)
-        assert caught.value.kind == "floor"
-    assert max(angle_deg(ups[1], one) for one in ups) < 0.3
-    assert ups[1] == pytest.approx(find_upright(clear, LINES_CAMERA).up)
-
-
 def test_facts_are_typed_or_in_the_camera_file_and_typed_ones_count(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({"fx": 1, "tilt_deg": 20, "roll_deg": 1, "height_m": 1.2, "depth_kind": "guessed"}))
     assert read_facts(str(path), CameraFacts()) == CameraFacts(20, 1, 1.2, "guessed")
     assert read_facts(str(path), CameraFacts(tilt_deg=25.0)) == CameraFacts(25.0, 1, 1.2, "guessed")
     assert read_facts("hfov=60", CameraFacts(height_m=1.0)) == CameraFacts(height_m=1.0)
+    assert read_facts(None, CameraFacts(89.0, 175.0, 0.13)).up is not None
     for wrong in ({"tilt_deg": 120}, {"height_m": "high"}, {"depth_kind": "felt"}, {"roll_deg": 3}, {"tilt_deg": None}):
         path.write_text(json.dumps(wrong))
         with pytest.raises(PhotoRefused) as caught:
@@ -209,6 +246,13 @@ def test_a_depth_file_can_be_a_guess(folder: Path) -> None:
     assert first.observation.depth_distortion == 0.0 < second.observation.depth_distortion
     assert second.depth is not None and "guessed" in second.depth.source
     assert first.sha256 != second.sha256
+
+
+def test_without_depth_a_picture_is_upright(folder: Path) -> None:
+    detect = boxes_in(folder / "boxes.json", "bare.jpg")
+    with pytest.raises(PhotoRefused, match="turn the picture") as caught:
+        read_inputs(folder / "bare.jpg", AuxiliaryInputs(detect, camera="hfov=60", facts=CameraFacts(20.0, 90.0, 1.5)))
+    assert caught.value.kind == "camera"
 
 
 MISSING = {

@@ -22,6 +22,7 @@ from executor.bench.photo.picture_score import (
     causes,
     extents_m,
     is_called,
+    is_same_support,
     level_scores,
     outline_iou,
     picture_rows,
@@ -157,6 +158,13 @@ def test_the_table_counts_what_was_lost(drawn: list[tuple[bool, bool, bool]]) ->
         assert rows["outline IoU, lost count 0"].startswith(f"median {middle:.2f}")
     else:
         assert rows["labels kept"] == rows["outline IoU, lost count 0"] == "none"
+
+
+def test_what_is_in_a_shelf_is_on_one_of_its_boards() -> None:
+    assert is_same_support("inside shelf", "on shelf", {"shelf"}) and is_same_support("on desk", "on desk", ())
+    assert not is_same_support("inside bowl", "on bowl", {"shelf"})
+    assert not is_same_support("on shelf", "inside shelf", {"shelf"})
+    assert not is_same_support("inside shelf", "on shelf_2", {"shelf", "shelf_2"})
 
 
 def test_causes_and_sections_are_counted() -> None:
