@@ -11,7 +11,7 @@ from llm.structured.prompting import formula_pattern
 from llm.structured.schema import Form, Pattern
 from oag import Diagnostic, Scene, SimpleTask, Task
 from oag.model.reading import UNREADABLE
-from oag.model.symbols import GRIPPER, Kind
+from oag.model.symbols import GRIPPER, Kind, has_inside
 from oag.primitives.cargo import RESTING
 from oag.wellformed import kind_problem
 
@@ -47,11 +47,11 @@ def concerns(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
 
 
 def doors(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
-    """Return the fixtures with a door that a goal asks for, behind which it puts something, or takes it from."""
+    """Return the fixtures with a door that a goal asks for, or behind which it takes something or puts it."""
     atoms = _open_atoms(goal, scene)
     behind = {atom.args[-1] for atom in atoms if atom.predicate in ("open", "inside")}
-    moved = _with_carriers({atom.args[0] for atom in atoms if atom.predicate in RESTING}, _rests(scene))
-    concerned = [scene.objects[name] for name in behind | moved if name in scene.objects]
+    moved = {name for atom in atoms if atom.predicate in RESTING for name in atom.args}
+    concerned = [scene.objects[name] for name in behind | _with_carriers(moved, _rests(scene)) if name in scene.objects]
     return frozenset(thing.id for thing in concerned if thing.kind is Kind.ARTICULATED)
 
 
@@ -60,35 +60,40 @@ def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Form
     return Task("task", "", goal, True, tuple(subtasks), {}, scene)
 
 
-def role_forms(ids: Sequence[str], goal: bddl.Formula, scene: Scene) -> Sequence[Form]:
+def role_forms(ids: Sequence[str], goal: bddl.Formula, scene: Scene, named: Collection[str] = ()) -> Sequence[Form]:
     """Return the forms of a simple task by its kind: open or close a fixture, pick an item up, or put it down.
 
-    The name of a task tells its kind. Only a door that the goal concerns is opened. Only what has an inside, or on
-    which something lies at first or at the end, is the place of another item. What is put down may be picked up in the
-    same entry, from where it is at first.
+    The name of a task tells its kind. Only a door that the goal concerns, or the query names, is opened. Only what has
+    an inside, or on which something lies at first or at the end, is the place of another item. What is put down may be
+    picked up in the same entry, from where it is at first.
 
     Args:
         ids: The objects that are shown.
         goal: The task goal.
         scene: The scene.
+        named: The objects that the query names.
     """
-    concerned = doors(goal, scene)
-    homes = {item: place for item, place in _resting(scene) if place in ids}
+    concerned = doors(goal, scene) | {key for key in named if opens(key, scene)}
     atoms = bddl.ground(goal, scene.categories).atoms
     carriers = {place for _, place in _resting(scene)} | {atom.args[-1] for atom in atoms if atom.predicate in RESTING}
-    places = [key for key in ids if scene[key].role == "A" or key in carriers or _is_hollow(key, scene)]
+    places = [key for key in ids if scene[key].role == "A" or key in carriers or has_inside(scene[key].category)]
     turned = {"task_activity_name": Pattern("^(open|close)_[a-z0-9_]+$"), "support_init": [""], "support_goal": [""]}
     forms: list[Form] = [{**turned, "target": [key for key in ids if key in concerned]}]
     for item in (key for key in ids if scene[key].role == "B"):
-        others, home = [key for key in places if key != item], homes.get(item, "")
+        others = [key for key in places if key != item]
         taken = {"task_activity_name": Pattern("^pick_up_[a-z0-9_]+$"), "target": [item], "support_goal": [""]}
         put = {"task_activity_name": Pattern("^put_[a-z0-9_]+$"), "target": [item]}
         # Where a scene does not tell what a thing is in or on, nobody can name it.
         forms.append({**taken, "support_init": others if has_place(item, scene) else ["", *others]})
         forms.append({**put, "support_init": [""], "support_goal": others})
-        if home:
+        for home in (place for thing, place in _resting(scene) if thing == item and place in ids):
             forms.append({**put, "support_init": [home], "support_goal": [key for key in others if key != home]})
     return [form for form in forms if all(form.values())]
+
+
+def opens(key: str, scene: Scene) -> bool:
+    """Decide whether something of a scene can be opened."""
+    return kind_problem(bddl.Atom("open", (key,)), scene) is None
 
 
 def condition_forms(subtasks: Sequence[SimpleTask], ids: Sequence[str], scene: Scene) -> Sequence[Form]:
@@ -113,27 +118,24 @@ def condition_forms(subtasks: Sequence[SimpleTask], ids: Sequence[str], scene: S
     return forms
 
 
-def _is_hollow(key: str, scene: Scene) -> bool:
-    return any(kind_problem(bddl.Atom("inside", (item, key)), scene) is None for item in scene.objects if item != key)
-
-
 def handling_findings(subtasks: Sequence[SimpleTask], goal: bddl.Formula, scene: Scene) -> Iterator[Diagnostic]:
     """Yield what the roles alone show.
 
     A thing is picked up where it is not, is put down but never picked up, or is never put where it shall be.
     """
     facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
-    at_first = {(thing, place) for thing, home in _resting(scene) for place in _with_carriers({home}, _resting(scene))}
-    homes = dict(_resting(scene)) if scene.closed.issuperset(RESTING) else {}
+    rests, known = _resting(scene), scene.closed.issuperset(RESTING)
     placed = {one.atom.args[0] for one in facts if one.value and one.atom.predicate in RESTING}
     taken = {one.atom.args[0] for one in facts if one.value and one.atom.args[1:] == (GRIPPER,)}
     for index, part in enumerate(subtasks):
         place = f"T{index + 1} {part.name}"
-        home, start = homes.get(part.target, ""), part.support_init or ""
-        if home and start in scene.objects and part.target not in taken and (part.target, start) not in at_first:
-            message = f"{part.target} is not picked up from {start}: it is at {home}"
-            found = finding("answer/not-there", message, place, subtask=index, hint=f"its support_init is {home}")
-            yield replace(found, fixes=(f'T{index + 1}: "target": "{part.target}", "support_init": "{home}"',))
+        around = _with_carriers({part.target}, rests)
+        homes, start = [place for thing, place in rests if thing == part.target], part.support_init
+        # What has been carried away, or stands on what has, is where the plan has put it.
+        if known and homes and start in scene.objects and start not in around and not taken & around:
+            message = f"{part.target} is not picked up from {start}: it is at {' and '.join(homes)}"
+            found = finding("answer/not-there", message, place, subtask=index, hint=f"its support_init is {homes[0]}")
+            yield replace(found, fixes=(f'T{index + 1}: "target": "{part.target}", "support_init": "{homes[0]}"',))
         taken |= {part.target} if part.support_init else set()
         # Where a scene does not say what a thing stands in or on, nobody can name it.
         if part.support_goal and part.target in placed - taken:
@@ -186,10 +188,10 @@ def _is_rest(fact: bddl.Formula) -> bool:
     return isinstance(fact, bddl.Atom) and fact.predicate in RESTING and len(fact.args) == 2
 
 
-def _resting(scene: Scene) -> set[tuple[str, str]]:
-    """Return what is stated to lie in or on something, with that."""
-    stated = (fact for fact in _stated(scene) if isinstance(fact, bddl.Atom) and _is_rest(fact))
-    return {(atom.args[0], atom.args[1]) for atom in stated}
+def _resting(scene: Scene) -> tuple[tuple[str, str], ...]:
+    """Return what is stated to lie in or on something, with that, in the order of the facts."""
+    stated = (part for fact in scene.facts for part in bddl.conjuncts(fact))
+    return tuple((atom.args[0], atom.args[1]) for atom in stated if isinstance(atom, bddl.Atom) and _is_rest(atom))
 
 
 def _rests(scene: Scene) -> set[tuple[str, str]]:

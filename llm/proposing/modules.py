@@ -24,7 +24,7 @@ from pydantic import BeforeValidator, Field
 import bddl
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.handling import bare_task, condition_forms, doors, handling_findings, has_place, role_forms
-from llm.proposing.session import ModuleSession, check_numbering
+from llm.proposing.session import ModuleSession, check_numbering, named
 from llm.proposing.understanding import Understood
 from llm.structured.conversation import finding
 from llm.structured.prompting import (
@@ -136,15 +136,16 @@ class Decomposition(Answer):
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
+    scene = session.scene
     # A small model does what the example does: one with a door makes it open one.
-    example = "door" if doors(understood.goal, session.scene) else "bare"
+    example = "door" if doors(understood.goal, scene) else "bare"
     answer = session.ask(
         2,
         Decomposition,
-        lambda given: _decomposition_findings(given, understood.goal, session.scene),
-        {"task": understood.text(session.scene), "example": render(f"proposing/module_2_{example}").strip()},
-        about=understood.about(session.scene),
-        forms=lambda ids: role_forms(ids, understood.goal, session.scene),
+        lambda given: _decomposition_findings(given, understood.goal, scene),
+        {"task": understood.text(scene), "example": render(f"proposing/module_2_{example}").strip()},
+        about=understood.about(scene),
+        forms=lambda ids: role_forms(ids, understood.goal, scene, named(session.query, scene)),
     )
     return answer.subtasks()
 

@@ -139,11 +139,16 @@ def mentioned(query: str, scene: Scene) -> frozenset[str]:
     """
     if len(scene.objects) <= _MOST_SHOWN:
         return frozenset(scene.objects)
+    # Names that say nothing, such as "thing", are those of every item.
+    return concerned(scene, named(query, scene)[:_MOST_SHOWN]) or _as_many_as_fit(scene)
+
+
+def named(query: str, scene: Scene) -> tuple[str, ...]:
+    """Return the objects that a query names, by their ids or in words."""
     words = re.findall(r"[a-z0-9_]+", query.lower())
     words = [form for word in words for form in (word, *singulars(word))]
-    named = Grounding.of(scene, built_in()).names.mentioned(words)
-    # Names that say nothing, such as "thing", are those of every item.
-    return concerned(scene, (*named_in(query, scene.objects), *named[:_MOST_SHOWN])) or _as_many_as_fit(scene)
+    in_words = Grounding.of(scene, built_in()).names.mentioned(words)
+    return tuple(dict.fromkeys((*named_in(query, scene.objects), *in_words)))
 
 
 def _as_many_as_fit(scene: Scene) -> frozenset[str]:

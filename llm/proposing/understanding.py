@@ -145,33 +145,32 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
     reason = " ".join(answer.problem.split()).rstrip(".")[:400]
     goal = distinct(bddl.parse_formula(answer.goal)) if answer.goal else None
     if expected is not None and (goal is None or not bddl.equivalent(goal, expected, session.scene.categories)):
-        own = f"it cannot be done: {reason}" if goal is None else bddl.format(goal)
-        meant = _meant(session, expected, own)
-        if meant.goal:
-            goal = bddl.parse_formula(meant.goal)
-            if bddl.equivalent(goal, expected, session.scene.categories):
-                # The words of an answer with another goal may be about other things.
-                query = " ".join(session.query.split())
-                name = meant.asked or query[:LONGEST_NAME]
-                return Understood(Expanded(name, query), _activity(name), expected)
+        meant = _meant(session, expected, goal, reason)
+        chosen = distinct(bddl.parse_formula(meant.goal)) if meant.goal else goal
+        if chosen is not None and chosen != goal:
+            # The words of an answer are about its own goal.
+            query = " ".join(session.query.split())
+            name = meant.asked or query[:LONGEST_NAME]
+            return Understood(Expanded(name, query), _activity(name), chosen)
     if goal is None:
         raise QueryError("model-declined", session.query, f"the model says: {reason}")
     expanded = Expanded(answer.task_name, answer.task_message_detail)
     return Understood(expanded, answer.task_activity_name, goal)
 
 
-def _meant(session: ModuleSession, expected: bddl.Formula, own: str) -> Reading:
-    """Ask which of two readings is meant; an answer without a goal stands by the model's own."""
+def _meant(session: ModuleSession, expected: bddl.Formula, own: bddl.Formula | None, reason: str) -> Reading:
+    """Ask which of two readings is meant; without a goal in the answer, the model stands by its own, or its refusal."""
 
     def check(answer: Reading) -> Iterator[Diagnostic]:
-        if answer.goal not in ("", literal, own):
+        if answer.goal not in ("", *formulas):
             yield from _goal_findings(answer.goal, session.scene)
 
-    literal = bddl.format(expected)
-    places = {"query": fenced("request", session.query), "readings": fenced("readings", f"{literal}\n{own}")}
+    formulas = [bddl.format(goal) for goal in (expected, own) if goal is not None]
+    shown = formulas if own is not None else [*formulas, f"it cannot be done: {reason}"]
+    places = {"query": fenced("request", session.query), "readings": fenced("readings", "\n".join(shown))}
     # A model that cannot answer this has answered the question itself.
     with suppress(AnswersRefused):
-        return session.ask(1, Reading, check, places, template="module_1_reading", readings=(literal, own))
+        return session.ask(1, Reading, check, places, template="module_1_reading", readings=formulas)
     return Reading()
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import random
 import re
 from dataclasses import replace
 
 import pytest
 
 import bddl
+import llm
 import oag
 from llm.proposing.handling import concerns, condition_forms, doors, handling_findings, has_place, role_forms, stakes
+from llm.proposing.session import named
 from llm.structured.prompting import formula_pattern
 from llm.structured.schema import Admitted, Form, Pattern, wire_schema
 from oag.model.reading import UNREADABLE
+from tests.llm.kitchens import FAMILIES, LATER, ORDINARY, SCENES, STRANGERS, Phrasing
+
+ALL = (*FAMILIES, *LATER, *STRANGERS, *ORDINARY)
 
 FACTS = ["(ontop apple_0 plate_0)", "(inside plate_0 fridge_0)", "(not (open fridge_0))", "(not (open cabinet_0))"]
 KINDS = {
@@ -84,6 +90,16 @@ def test_roles_alone_show_what_is_not_held_or_not_put(
         ([("apple_0", "fridge_0", None), ("apple_0", None, "bowl_0")], []),
         # Where it was put before.
         ([("apple_0", "plate_0", "table_0"), ("apple_0", "table_0", None), ("apple_0", None, "bowl_0")], []),
+        # Where the plate has taken it.
+        (
+            [
+                ("plate_0", "fridge_0", None),
+                ("plate_0", None, "table_0"),
+                ("apple_0", "table_0", None),
+                ("apple_0", None, "bowl_0"),
+            ],
+            [],
+        ),
         # What the scene does not have is another finding.
         ([("apple_0", "gripper", None), ("apple_0", None, "bowl_0")], []),
     ],
@@ -166,6 +182,56 @@ def test_the_roles_of_a_subtask_have_a_form_by_its_kind(
     entry = {"task_activity_name": name, "target": target, "support_init": start, "support_goal": end}
     forms = role_forms(list(SCENE.objects), goal(wanted), SCENE)
     assert any(fits(form, entry) for form in forms) is fit
+
+
+def test_a_door_before_the_place_is_concerned_and_every_place_of_a_thing_is_its_home() -> None:
+    facts = [
+        "(inside plate_0 cabinet_0)",
+        "(not (open cabinet_0))",
+        "(ontop apple_0 bowl_0)",
+        "(inside apple_0 fridge_0)",
+    ]
+    scene = oag.scene(KINDS, [*facts, "(ontop bowl_0 table_0)"])
+    wanted = goal("(ontop apple_0 plate_0)")
+    assert "cabinet_0" in doors(wanted, scene)
+    forms = role_forms(list(scene.objects), wanted, scene)
+    homes = [form["support_init"] for form in forms if form["target"] == ["apple_0"] and "gripper" not in form]
+    assert ["bowl_0"] in homes and ["fridge_0"] in homes
+
+
+@pytest.mark.parametrize("phrasing", random.Random("forms").sample([one for one in ALL if one.goal], 60), ids=str)
+def test_the_forms_admit_what_the_offline_planner_plans(phrasing: Phrasing) -> None:
+    scene = SCENES[phrasing.scene]
+    try:
+        task = llm.propose(phrasing.query, scene).task
+    except llm.QueryError:
+        pytest.skip("not read")
+    roles = role_forms(list(scene.objects), task.goal, scene, named(phrasing.query, scene))
+    conditions = condition_forms(task.subtasks, list(scene.objects), scene)
+    for number, part in enumerate(task.subtasks, start=1):
+        start, end = part.support_init or "", part.support_goal or ""
+        entry = {"target": part.target, "support_init": start, "support_goal": end}
+        entries = [{**entry, "task_activity_name": f"{kind}_it"} for kind in ("open", "pick_up", "put")]
+        assert any(fits(form, one) for form in roles for one in entries), entry
+        written = {"sub_task": number, "init": bddl.format(part.init), "goal": bddl.format(part.goal)}
+        assert any(fits(form, written) for form in conditions), written
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "put the glass into the fridge, then put the glass on the table",
+        "open the fridge and then close it",
+        "close the fridge and open it again",
+    ],
+)
+def test_the_forms_admit_a_door_that_the_query_names(query: str) -> None:
+    scene = oag.scene({"glass_0": "glass", "fridge_0": "refrigerator", "table_0": "table"}, ["(ontop glass_0 table_0)"])
+    forms = role_forms(list(scene.objects), goal("(ontop glass_0 table_0)"), scene, named(query, scene))
+    entry = {"task_activity_name": "open_fridge", "target": "fridge_0", "support_init": "", "support_goal": ""}
+    assert any(fits(form, entry) for form in forms)
+    forms = role_forms(list(scene.objects), goal("(ontop glass_0 table_0)"), scene, named("put the glass down", scene))
+    assert not any(fits(form, entry) for form in forms)
 
 
 @pytest.mark.parametrize(

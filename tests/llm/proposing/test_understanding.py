@@ -64,7 +64,7 @@ def test_of_two_readings_the_model_chooses(chosen: dict[str, str], goal: str, as
     assert bddl.format(found.goal) == goal
     assert len(model.asked) == asked
     # The words of an answer are about its own goal.
-    assert (found.expanded.task_message_detail == QUERIES["T1"]) is (goal == LITERAL)
+    assert (found.expanded.task_message_detail == QUERIES["T1"]) is (goal != SHUT)
 
 
 def test_a_reading_that_is_the_goal_is_not_asked_about() -> None:
@@ -91,6 +91,9 @@ def test_a_model_that_declines_what_can_be_read_is_asked_once() -> None:
     assert "it cannot be done: There is no glass" in str(model.asked[1].messages[0].parts[0])
     with pytest.raises(llm.QueryError, match="There is no glass"):
         understood(declined, {"goal": ""})
+    # In its own words, which are no formula.
+    with pytest.raises(llm.QueryError, match="There is no glass"):
+        understood(declined, {"goal": "it cannot be done: There is no glass"})
     with pytest.raises(llm.QueryError, match="There is no glass"):
         understood(declined, expected=None)
 
