@@ -164,7 +164,7 @@ class BenchFolder:
     def commands(self, result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         """Yield what can be done with a unit's result -> the command.
 
-        There is nothing for a baseline's, and for a wish whose model's answers are not there.
+        There is nothing for a baseline's, and for a wish whose model's answers no command can name.
         """
         if result["setting"].get("baseline") is not None:
             return

@@ -21,7 +21,7 @@ def planned_by_model(options: ModelOptions, workers: int, folder: Path) -> Plann
         folder: Folder of the units.
 
     Raises:
-        ModelConfigError: It is not configured, its key or file is missing, or a limit needs its price, which is unknown.
+        ModelConfigError: It is not configured, its key or file is missing, or a limit needs a price that is unknown.
         CassetteError: Its recording cannot be read, or what the models of the folder have used.
     """
     if options.model is None:

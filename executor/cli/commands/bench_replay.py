@@ -50,7 +50,7 @@ def execute(options: Options) -> int:
         raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
     if recorded["family"] == "T7":
         shown = next((f"is shown by: {command}" for _, command in bench.commands(recorded)), "")
-        shown = shown or "is planned again by its model's answers, and these are not there"
+        shown = shown or "is planned again by its model's answers, which no command can name here"
         raise BadOption("UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 {shown}")
     folder = RunFolder.prepare(options.out or bench.replay(recorded["name"]), force=options.force)
     if not options.json:
