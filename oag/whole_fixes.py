@@ -5,14 +5,12 @@ Source: docs/semantics.md, Fixes.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from oag.edit_script import edit_script
 from oag.flows import complete
 from oag.planning import repair
 from oag.verify.edits import Fix
-from oag.verify.fixes import find_fixes
-from oag.verify.verify import Report, Verdict, verify
+from oag.verify.fixes import aims_elsewhere, find_fixes
+from oag.verify.verify import Report, verify
 
 
 def find_all_fixes(report: Report) -> tuple[Fix, ...]:
@@ -32,7 +30,5 @@ def find_all_fixes(report: Report) -> tuple[Fix, ...]:
     script = edit_script(report.task, planned.task, flows=True)
     whole = Fix("several", "; then ".join(script.words), None, None, script.edits, None, proves=True)
     repaired = complete(whole.apply(report.task), report.scene).task
-    # Without a given goal, the repaired plan also has to reach what its own subtasks aim at.
-    aims = (repaired, replace(repaired, goal=report.task.goal))
-    proved = all(verify(aim, report.scene).verdict is Verdict.PROVED for aim in aims)
+    proved = bool(verify(repaired, report.scene)) and not aims_elsewhere(report, repaired, report.scene)
     return (whole, *fixes) if proved else fixes

@@ -118,11 +118,15 @@ def _pursued(wish: AnyWish, plan: Plan) -> dict[str, Any]:
     planned = compose(answer.task, scene=wish.scene)
     found |= {"subtask_names": [subtask.name for subtask in planned.task.subtasks], "repairs": len(answer.detours)}
     done = rollout(planned, wish.scene, wish.seed, vary=False, conditions=answer.conditions())
-    return found | {"stage": "physics"} | describe_rollout(done)
+    return found | _ended_at("physics") | describe_rollout(done)
 
 
 def _refused(stage: str, code: str, message: str) -> dict[str, Any]:
-    return {"ended": "refused", "stage": stage, "failure": {"kind": code, "message": message}}
+    return {"ended": "refused", **_ended_at(stage), "failure": {"kind": code, "message": message}}
+
+
+def _ended_at(stage: str) -> dict[str, Any]:
+    return {"stage": stage, "proved": STAGES.index(stage) > STAGES.index("proof")}
 
 
 def _as_meant(graph: ObjectActionGraph, wish: AnyWish) -> bool:

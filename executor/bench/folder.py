@@ -14,7 +14,7 @@ from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import result_of
-from executor.campaign.planning_model import ANSWERS, EXCHANGES, was_made
+from executor.campaign.planning_model import ANSWERS, EXCHANGES, replay_words, was_made
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 
@@ -162,7 +162,10 @@ class BenchFolder:
         return self.path / "replays" / Path(name).name
 
     def commands(self, result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """Yield what can be done with a unit's result -> the command; nothing for a baseline's."""
+        """Yield what can be done with a unit's result -> the command.
+
+        There is nothing for a baseline's, and for a wish whose model's answers no command can name.
+        """
         if result["setting"].get("baseline") is not None:
             return
         if result["family"] != "T7":
@@ -170,6 +173,11 @@ class BenchFolder:
             yield "run it again, with video and report", shlex.join(["scene2demo", *again])
             return
         wish = [str(result.get("query", "QUERY")), "--scene", f"t7-{result['seed']}", "--keep-sizes"]
+        if (model := result["setting"].get("model")) is not None:
+            replayed = replay_words(model, self.answers(result))
+            if not replayed:
+                return
+            wish += replayed
         if result["ended"] == "refused":
             yield "see why the wish is refused", shlex.join(["scene2demo", "plan", *wish])
         else:
@@ -237,6 +245,7 @@ class _ResultForm(_StrictForm):
     seed: Count
     index: Count | None = None
     query: str = ""
+    proved: bool = False
     failure: _StepFailureForm | _FailureForm | None = None
     subtask_names: list[str] = []
     subtasks: list[_SubtaskForm] = []

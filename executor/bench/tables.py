@@ -117,13 +117,14 @@ class Cell:
 
     @property
     def proved(self) -> Rate | None:
-        """How many of the plans that a model was asked for are proved; None where the offline planner plans."""
+        """How many of the plans that a model was asked for are proved; None where the offline planner plans.
+
+        Units that say nothing of a plan do not count: their process died, or nothing was drawn.
+        """
         if self.series.setting.model is None:
             return None
-        reached = [
-            bool(result.get("proved", result.get("stage") in ("geometry", "physics"))) for result in self.results
-        ]
-        return Rate(sum(reached), len(reached))
+        told = [bool(result["proved"]) for result in self.results if "proved" in result]
+        return Rate(sum(told), len(told))
 
     @property
     def model(self) -> dict[str, object] | None:
@@ -368,7 +369,7 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
 def _model_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yield what a model's plans came to, and what they took."""
     if cell.proved is not None and cell.series.family in FAMILIES:
-        yield "plan proved, all units", str(cell.proved)
+        yield "plan proved, of those asked for", str(cell.proved)
     if cell.model is not None:
         yield "the model", used_text(cell.model)
 

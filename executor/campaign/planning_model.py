@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from executor.campaign.claims import exclusive_lock
 from executor.system.files import content_key, json_text, write_json
 from executor.system.workers import HandoverRefused
 from llm.client.budget import Usage
-from llm.client.recording import is_replay
+from llm.client.recording import is_replay, recording_of, replayed
 from llm.client.shared import usage_in
 from llm.errors import CassetteError
 from llm.structured.conversation import Spending
@@ -35,7 +35,7 @@ from oag.sizes import Sizing
 ANSWERS, USED = "answers", "used.json"
 EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
 BUDGET_SPENT = "budget-spent"
-"""Ending of a unit that was not made, since the campaign's budget allows no further request."""
+"""Kind of failure of a unit that was not made, since the campaign's budget allows no further request."""
 MODEL_FAILED = "model-failed"
 """Kind of failure of a unit that was not made, since its model gave no reply; the same command asks it again."""
 ANSWERS_REFUSED = "answers-refused"
@@ -98,14 +98,14 @@ class ModelPlan:
         place: Folder of the unit's answers.
         budget: Limits of the whole campaign.
         spending: Its rounds, once it was asked.
-        repeats: Whether a unit is run again to be looked at, so that nothing is written.
+        repeats: Recording that answers, where a unit is run again to be looked at; nothing is then written.
     """
 
     model: PlanningModel
     place: Path
     budget: llm.Budget = field(default_factory=llm.Budget)
     spending: Spending | None = None
-    repeats: bool = False
+    repeats: Path | None = None
 
     @classmethod
     def of(cls, model: PlanningModel, folder: Path, unit_folder: str, request: Mapping[str, Any]) -> ModelPlan:
@@ -127,8 +127,9 @@ class ModelPlan:
     @classmethod
     def repeated(cls, model: PlanningModel, recording: Path) -> ModelPlan:
         """Return what plans a unit as it was planned before, without its model."""
-        named = model if is_replay(model.name) else replace(model, name=f"replay:{recording}", models=())
-        return cls(named, recording.parent, repeats=True)
+        named, _ = recording_of(model.name)
+        # A model that is a recording alone is not recorded again.
+        return cls(model, recording.parent, repeats=named if named and is_replay(model.name) else recording)
 
     def __call__(self, query: str, scene: Scene, sizing: Sizing) -> Task:
         """Plan a sentence; what was answered before is not asked again.
@@ -137,7 +138,7 @@ class ModelPlan:
             QueryError, AnswersRefused: The model cannot plan it.
             ModelError: It did not reply, or the campaign's budget is spent.
         """
-        with nullcontext() if self.repeats else exclusive_lock(self.place):
+        with exclusive_lock(self.place) if self.repeats is None else nullcontext():
             try:
                 return self._plan(query, scene, sizing)
             except CassetteError as error:
@@ -147,7 +148,19 @@ class ModelPlan:
                 raise
 
     def _plan(self, query: str, scene: Scene, sizing: Sizing) -> Task:
-        model = llm.connect(
+        model = self._connected()
+        self.spending = Spending(model)
+        proposer = llm.ModelProposer(model, name=self.model.name, sizing=sizing, listen=self.spending.add_round)
+        try:
+            return proposer.propose(query, scene).task
+        finally:
+            if proposer.conversation is not None and self.repeats is None:
+                write_json(self.place / CONVERSATION, proposer.conversation.to_json())
+
+    def _connected(self) -> llm.Metered:
+        if self.repeats is not None:
+            return replayed(self.repeats, temperature=self.model.temperature, seed=self.model.seed)
+        return llm.connect(
             self.model.name,
             budget=self.budget,
             record=None if is_replay(self.model.name) else self.place / EXCHANGES,
@@ -158,13 +171,6 @@ class ModelPlan:
             seed=self.model.seed,
             shared=self.place.with_name(USED),
         )
-        self.spending = Spending(model)
-        proposer = llm.ModelProposer(model, name=self.model.name, sizing=sizing, listen=self.spending.add_round)
-        try:
-            return proposer.propose(query, scene).task
-        finally:
-            if proposer.conversation is not None and not self.repeats:
-                write_json(self.place / CONVERSATION, proposer.conversation.to_json())
 
     def record(self) -> dict[str, Any]:
         """Return what planning the unit took, also before an interruption; nothing before the model was asked."""
@@ -181,6 +187,22 @@ class ModelPlan:
         return {"model": {"name": self.model.name, **used}}
 
 
+def replay_words(model: Mapping[str, Any], recording: Path) -> list[str]:
+    """Return the options by which a command plans as a unit's model did; none where no command can.
+
+    Args:
+        model: The model as a unit's file says it.
+        recording: What it answered for the unit.
+    """
+    name = model["name"] if is_replay(model["name"]) else f"replay:{recording}"
+    file, _ = recording_of(name)
+    # A path with ",provider:" in it would name a model that goes on after the recording.
+    if not is_replay(name) or file is None or not file.is_file():
+        return []
+    sampling = {"--temperature": model["temperature"], "--model-seed": model["seed"]}
+    return ["--model", name, *(f"{option}={value}" for option, value in sampling.items() if value is not None)]
+
+
 def planned_by(plan: Plan) -> dict[str, Any]:
     """Return what a plan's model took, for a unit's record; nothing without a model."""
     return plan.record() if isinstance(plan, ModelPlan) else {}
@@ -188,11 +210,10 @@ def planned_by(plan: Plan) -> dict[str, Any]:
 
 def model_failure(problem: llm.AnswersRefused | llm.ModelError) -> dict[str, Any]:
     """Return how a unit ends whose model gave no plan."""
-    if isinstance(problem, llm.BudgetSpent):
-        ended = kind = BUDGET_SPENT
+    if isinstance(problem, llm.AnswersRefused):
+        ended, kind = "failed", ANSWERS_REFUSED
     else:
-        refused = isinstance(problem, llm.AnswersRefused)
-        ended, kind = ("failed", ANSWERS_REFUSED) if refused else ("error", MODEL_FAILED)
+        ended, kind = "error", BUDGET_SPENT if isinstance(problem, llm.BudgetSpent) else MODEL_FAILED
     return {"ended": ended, "failure": {"kind": kind, "message": str(problem)}}
 
 
@@ -201,9 +222,13 @@ def was_made(result: Mapping[str, Any]) -> bool:
     return (result.get("failure") or {}).get("kind") not in (BUDGET_SPENT, MODEL_FAILED)
 
 
-def used_in(folder: Path) -> Usage:
-    """Return what the models of a campaign have used, all runs together."""
-    return usage_in(folder / ANSWERS / USED) or Usage(cost_usd=0.0)
+def used_in(folder: Path, model: PlanningModel) -> Usage:
+    """Return what the models of a campaign have used, all runs together.
+
+    Raises:
+        CassetteError: The file that says it cannot be read.
+    """
+    return usage_in(folder / ANSWERS / USED, model.name)
 
 
 def used_text(used: Mapping[str, Any]) -> str:

@@ -234,6 +234,7 @@ def connect_model(
     *,
     resume: bool = False,
     same_start: bool = True,
+    starts: bool = True,
 ) -> Metered | None:
     """Return the typed model with its budget, None without one; nothing is sent.
 
@@ -242,7 +243,7 @@ def connect_model(
     Args:
         options: The typed options.
         record: The file of its recording; a replay has its recording already.
-        resume, same_start: As for `llm.connect`.
+        resume, same_start, starts: As for `llm.connect`.
     """
     if options.model is None:
         if options.models:
@@ -258,6 +259,7 @@ def connect_model(
         models=by_module(options.models),
         temperature=options.temperature,
         seed=options.model_seed,
+        starts=starts,
     )
     for warning in model.warnings:
         tell(warning, style="yellow")

@@ -169,6 +169,15 @@ Models = Annotated[
         help_behavior_hint="",
     ),
 ]
+ModelsThatPlan = Annotated[
+    tuple[str, ...],
+    tyro.conf.UseAppendAction,
+    tyro.conf.arg(
+        metavar="WHO=MODEL",
+        help="With --model: another one for a module, 1 to 5; may be given several times.",
+        help_behavior_hint="",
+    ),
+]
 Temperature = Annotated[
     Maybe[float], option_help("Temperature at which the model draws its words, where it takes one; by default its own.")
 ]
@@ -262,6 +271,13 @@ class ModelOptions:
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignModelOptions(ModelOptions):
+    """A language model that plans the units of a campaign, which measurements judge."""
+
+    models: ModelsThatPlan = ()
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executor.cli.errors import BadOption, check
@@ -11,16 +12,17 @@ if TYPE_CHECKING:
     from executor.campaign.planning_model import PlanningModel
 
 
-def planned_by_model(options: ModelOptions, workers: int) -> PlanningModel | None:
+def planned_by_model(options: ModelOptions, workers: int, folder: Path) -> PlanningModel | None:
     """Return the model that plans the units, None for the offline planner; nothing is sent.
 
     Args:
         options: The typed options.
         workers: Number of processes.
+        folder: Folder of the units.
 
     Raises:
-        ModelConfigError: It is not configured, its key is missing, or its price is unknown and a limit needs it.
-        CassetteError: Its recording cannot be read.
+        ModelConfigError: It is not configured, its key or file is missing, or a limit needs a price that is unknown.
+        CassetteError: Its recording cannot be read, or what the models of the folder have used.
     """
     if options.model is None:
         given = {
@@ -34,7 +36,7 @@ def planned_by_model(options: ModelOptions, workers: int) -> PlanningModel | Non
         for name, value in given.items():
             check(value in ("", None), name, value, "--model with it")
         return None
-    from executor.campaign.planning_model import MODULES_THAT_PLAN, PlanningModel
+    from executor.campaign.planning_model import MODULES_THAT_PLAN, PlanningModel, used_in
     from executor.cli.evolution_setup import by_module, connect_model
     from llm.client.profiles import find_profile
     from llm.client.recording import recording_of
@@ -42,19 +44,16 @@ def planned_by_model(options: ModelOptions, workers: int) -> PlanningModel | Non
     models = by_module(options.models)
     for name in (options.model, *models.values()):
         file, live = recording_of(name)
-        if live or file is None:
-            if not find_profile(live or name).serve:
-                continue
-            if workers > 1:
-                raise BadOption("--workers", workers, f"1 with {name}: each process would start a server for the file")
-            # Its server would start here already.
-            break
-    else:
-        connect_model(options, None)
+        if (live or file is None) and find_profile(live or name).serve and workers > 1:
+            raise BadOption("--workers", workers, f"1 with {name}: each process would start a server for the file")
+    connect_model(options, None, starts=False)
     planning = all(module in MODULES_THAT_PLAN for module in models)
     check(planning, "--models", " ".join(options.models), "modules 1 to 5: measurements judge the units of a campaign")
     in_order = tuple(sorted(models.items()))
-    return PlanningModel(options.model.strip(), in_order, options.temperature, options.model_seed)
+    model = PlanningModel(options.model.strip(), in_order, options.temperature, options.model_seed)
+    # Each unit would be refused alone.
+    used_in(folder, model)
+    return model
 
 
 def budget_of(options: ModelOptions, *unit: object) -> dict[str, Any]:

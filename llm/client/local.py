@@ -17,10 +17,16 @@ from llm.errors import ModelConfigError
 # Reading a model of several GB from a slow disk takes minutes.
 _LONGEST_START_S = 600.0
 _MAGIC = b"GGUF"
+# Address of a server that is not started; no server listens at this port.
+_NOWHERE = "http://127.0.0.1:1"
 
 
-def served(profile: ModelProfile) -> ModelProfile:
+def served(profile: ModelProfile, *, starts: bool = True) -> ModelProfile:
     """Return a profile with the address of a server for its file; other profiles as they are.
+
+    Args:
+        profile: The profile.
+        starts: Whether the server is started; without it the file and the library are checked, and nothing answers.
 
     Raises:
         ModelConfigError: The file cannot be read, is no GGUF file, or the server does not start with it.
@@ -40,7 +46,8 @@ def served(profile: ModelProfile) -> ModelProfile:
         raise ModelConfigError(profile.name, "the file is no GGUF file", "llama.cpp reads models in this format")
     if find_spec("xllamacpp") is None:
         raise MissingExtra("xllamacpp", "local")
-    return profile.model_copy(update={"base_url": f"{_LocalServer.of(file.resolve()).address}/v1"})
+    address = _LocalServer.of(file.resolve()).address if starts else _NOWHERE
+    return profile.model_copy(update={"base_url": f"{address}/v1"})
 
 
 class _LocalServer:

@@ -490,6 +490,7 @@ def _pass_reply(recorded: Replay | Continued, digest: str) -> None:
 
 
 _REPLAY = "replay"
+_NOTHING_PAID = Price(input=0.0, output=0.0)  # Recorded replies are not paid for again.
 
 
 def recording_of(configuration: str) -> tuple[Path | None, str]:
@@ -511,6 +512,22 @@ def is_replay(configuration: str) -> bool:
     return file is not None and not model
 
 
+def replayed(file: Path, *, temperature: float | None = None, seed: int | None = None) -> Metered:
+    """Return a transport that answers from a recording alone, whatever its path contains.
+
+    Args:
+        file: The recording.
+        temperature, seed: Sampling of every request, as when it was recorded.
+
+    Raises:
+        CassetteError: It cannot be read.
+    """
+    transport: Transport = (replay := Replay(file))
+    if temperature is not None or seed is not None:
+        transport = Sampled(transport, temperature, seed)
+    return Metered(transport, name=f"{_REPLAY}:{file}", price=_NOTHING_PAID, warnings=replay.warnings, replays=True)
+
+
 def connect(
     configuration: str,
     *,
@@ -522,6 +539,7 @@ def connect(
     temperature: float | None = None,
     seed: int | None = None,
     shared: Path | None = None,
+    starts: bool = True,
 ) -> Metered:
     """Return a transport for a configuration, with usage counted in `.usage`; nothing is sent yet.
 
@@ -537,6 +555,7 @@ def connect(
         models: Module, 1 to 5, or judge -> configuration of its own model.
         temperature, seed: Sampling of every request; None leaves it to the server. A replay needs the same values.
         shared: File in which processes count what they use together; the budget is then one of all of them.
+        starts: Whether the server of a model's file is started; without it, all else is checked and nothing answers.
 
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing; or a model takes no
@@ -554,7 +573,7 @@ def connect(
     prices = {module: one.price for module, one in profiles.items()}
     transport: Transport
     warnings: tuple[str, ...] = ()
-    live: Transport | None = None if profile is None else _live(profile, profiles)
+    live: Transport | None = None if profile is None else _live(profile, profiles, starts=starts)
     if live is not None and profile is not None and shared is not None:
         together, budget = budget or Budget(), None
         check_price(profile.name, together, profile.price, *prices.values())
@@ -576,8 +595,7 @@ def connect(
         transport,
         name=configuration if profile is None or file is not None else profile.name,
         budget=budget,
-        # Recorded replies are not paid for again.
-        price=Price(input=0.0, output=0.0) if profile is None else profile.price,
+        price=_NOTHING_PAID if profile is None else profile.price,
         prices={} if profile is None else prices,
         warnings=warnings,
         boxes=None if profile is None else profile.boxes,
@@ -585,8 +603,8 @@ def connect(
     )
 
 
-def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile]) -> Transport:
+def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile], *, starts: bool) -> Transport:
     """Return a transport to a model, and to those of some modules."""
-    others = {module: OpenAITransport(served(one)) for module, one in profiles.items()}
-    transport = OpenAITransport(served(profile))
+    others = {module: OpenAITransport(served(one, starts=starts)) for module, one in profiles.items()}
+    transport = OpenAITransport(served(profile, starts=starts))
     return Routed(transport, others) if others else transport

@@ -1,7 +1,7 @@
 """A budget that several processes share: one file says what their models have used, and each process adds to it.
 
-Requests are counted below a recording, so that recorded replies use up nothing. A reply is counted before it is
-recorded: one that is lost with its process was paid all the same.
+Requests are counted below a recording, so that recorded replies use up nothing. A reply is counted once it is there,
+and before it is recorded. A request whose process is killed before is not counted, though its server may charge it.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Shared:
     @contextmanager
     def _updated(self, more: Usage | None = None) -> Iterator[Usage]:
         """Provide the usage of all processes, with a part that is added to it."""
-        try:
+        with _usable(self._file, self._name):
             self._file.parent.mkdir(parents=True, exist_ok=True)
             with os.fdopen(open_plain(self._file, os.O_RDWR | os.O_CREAT), "r+", encoding="utf-8") as stream:
                 if fcntl is not None:
@@ -115,25 +115,41 @@ class Shared:
                     stream.write(json.dumps(used.record()).ljust(_WIDTH) + "\n")
                     stream.flush()
                     os.fsync(stream.fileno())
-        except OSError as error:
-            problem = f"the usage cannot be counted in {self._file}: {error.strerror or error}"
-            raise CassetteError(self._name, problem, "Check the folder and the disk") from error
-        except ValueError as error:
-            problem = f"{self._file} does not say what was used: {error}"
-            raise CassetteError(self._name, problem, "Remove it, and limits count from nothing again") from None
         yield used
+
+
+@contextmanager
+def _usable(file: Path, name: str) -> Iterator[None]:
+    """Raise CassetteError of a model where a file of usage cannot be read or written, or says something else."""
+    try:
+        yield
+    except OSError as error:
+        problem = f"the usage cannot be counted in {file}: {error.strerror or error}"
+        raise CassetteError(name, problem, "Check the folder and the disk") from error
+    except (ValueError, RecursionError) as error:
+        problem = f"{file} does not say what was used: {error}"
+        raise CassetteError(name, problem, "Remove it, and limits count from nothing again") from None
 
 
 _WIDTH = 400
 
 
-def usage_in(file: Path) -> Usage | None:
-    """Return the usage that a file of a shared budget has; None where nothing was asked yet, or it is unreadable."""
-    try:
-        with file.open(encoding="utf-8") as stream:
-            return _read(stream)
-    except (OSError, ValueError):
-        return None
+def usage_in(file: Path, name: str) -> Usage:
+    """Return the usage that a file of a shared budget has; nothing was used where there is no file.
+
+    Args:
+        file: The file.
+        name: The configuration string, for a message.
+
+    Raises:
+        CassetteError: It cannot be read, or says something else.
+    """
+    with _usable(file, name):
+        try:
+            with os.fdopen(open_plain(file, os.O_RDONLY), encoding="utf-8") as stream:
+                return _read(stream)
+        except (FileNotFoundError, NotADirectoryError):
+            return Usage(cost_usd=0.0)
 
 
 def _read(stream: IO[str]) -> Usage:

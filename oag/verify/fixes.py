@@ -166,7 +166,7 @@ class FixSearch:
         Where no goal is given, another object or condition moves the goal with it. A closed door or a full hand is no
         sign that something else was meant.
         """
-        return bool(after) and candidate.kind.startswith("change-") and _aims_elsewhere(self.report, task, scene)
+        return bool(after) and candidate.kind.startswith("change-") and aims_elsewhere(self.report, task, scene)
 
     def _remark(self, inserted: SimpleTask | None) -> str:
         """Return why an insertion would not work later in the plan."""
@@ -178,7 +178,7 @@ class FixSearch:
         return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
 
 
-def _aims_elsewhere(report: Report, task: Task, scene: Scene) -> bool:
+def aims_elsewhere(report: Report, task: Task, scene: Scene) -> bool:
     """Decide whether a changed plan without a given goal does not reach what the plan of a report aims at."""
     if task.goal_given or report.trace is None:
         return False
@@ -353,7 +353,7 @@ def _together(report: Report, fixes: list[Fix]) -> list[Fix]:
         current = _verified(task, scene)
         if current:
             # Each change keeps what the plan before it aims at; all of them have to keep what the given one does.
-            elsewhere = _aims_elsewhere(report, task, scene)
+            elsewhere = aims_elsewhere(report, task, scene)
             return [] if elsewhere else chosen
         if current.verdict is not Verdict.REFUTED:
             return []

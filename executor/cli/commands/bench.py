@@ -19,7 +19,16 @@ import tyro
 from bddl.terminal import pluralize
 from executor.cli.engines import EngineOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ModelOptions, ResultsFolder, RobotName
+from executor.cli.options import (
+    BenchFamily,
+    CampaignModelOptions,
+    Flag,
+    FullSize,
+    KeepSizes,
+    Maybe,
+    ResultsFolder,
+    RobotName,
+)
 from executor.cli.output import ERR, OUT, Pace, bar, first_line, print_json, say, tell
 
 if TYPE_CHECKING:
@@ -66,7 +75,7 @@ class Options(EngineOptions):
     """Run units once more whose process crashed, hung, or met a mistake of the program."""
     limit_s: float = 900.0
     """Wall time that a unit may take before its process is ended."""
-    asked: ModelOptions = field(default_factory=ModelOptions)
+    asked: CampaignModelOptions = field(default_factory=CampaignModelOptions)
 
 
 WORKER = "executor.bench.worker"
@@ -93,7 +102,7 @@ def execute(options: Options) -> int:
         options.keep_sizes,
         options.full_size,
         robot=options.robot or "",
-        model=planned_by_model(options.asked, options.workers),
+        model=planned_by_model(options.asked, options.workers, options.out),
     )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
@@ -141,14 +150,14 @@ def execute(options: Options) -> int:
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     more: dict[str, object] = {}
     if setting.model is not None:
-        more = {"usage": used_in(folder.path).record(), "stopped_by": watch.why}
+        more = {"usage": used_in(folder.path, setting.model).record(), "stopped_by": watch.why}
     if options.json:
         print_json({"ok": code == DONE, "interrupted": interrupted, **more, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting, folder)
         say(f"results in {folder.path}: report.html, summary.json, units/")
         if setting.model is not None:
-            say(f"models of the folder, all runs together: {used_in(folder.path).summary()}")
+            say(f"models of the folder, all runs together: {used_in(folder.path, setting.model).summary()}")
         if watch.why:
             tell(f"scene2demo: {why_stopped(watch.why, 'units')}", style="yellow")
         if interrupted:

@@ -49,8 +49,9 @@ def execute(options: Options) -> int:
     if recorded["setting"].get("baseline") is not None:
         raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
     if recorded["family"] == "T7":
-        sentence = next(command for _, command in bench.commands(recorded))
-        raise BadOption("UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 is shown by: {sentence}")
+        shown = next((f"is shown by: {command}" for _, command in bench.commands(recorded)), "")
+        shown = shown or "is planned again by its model's answers, which no command can name here"
+        raise BadOption("UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 {shown}")
     folder = RunFolder.prepare(options.out or bench.replay(recorded["name"]), force=options.force)
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")

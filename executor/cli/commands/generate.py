@@ -25,13 +25,13 @@ from executor.cli.options import (
     ALL_CHANNELS,
     READ_SCENE,
     Axis,
+    CampaignModelOptions,
     Channel,
     Channels,
     Flag,
     FullSize,
     KeepSizes,
     Maybe,
-    ModelOptions,
     Plain,
     RepairScene,
     ResultsFolder,
@@ -116,7 +116,7 @@ class Options(EngineOptions):
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
     """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
-    asked: ModelOptions = field(default_factory=ModelOptions)
+    asked: CampaignModelOptions = field(default_factory=CampaignModelOptions)
 
 
 _BYTES_PER_GB = 10**9
@@ -137,7 +137,7 @@ def execute(options: Options) -> int:
     from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
-    model = planned_by_model(options.asked, options.workers)
+    model = planned_by_model(options.asked, options.workers, options.out)
     if model is not None:
         unlike = {"--repair": options.repair, "--flows paper": options.flows == "paper"}
         for name in (name for name, given in unlike.items() if given):
@@ -251,8 +251,9 @@ def make_missing(
             except KeyboardInterrupt:
                 interrupted = True
     done = None if shard is None or shard.of == 1 else is_done(store, jobs, shard)
-    if any(one.first.model is not None for one in series):
-        more = {**more, "usage": used_in(store.path).record()}
+    models = [one.first.model for one in series if one.first.model is not None]
+    if models:
+        more = {**more, "usage": used_in(store.path, models[0]).record()}
     return finished(store, tally, more, interrupted=interrupted, done=done, as_json=as_json)
 
 

@@ -212,6 +212,30 @@ def test_only_what_works_is_offered(family: str, ended: str, baseline: str | Non
     assert [command for _, command in commands] == [f"scene2demo {expected}"] * bool(expected)
 
 
+@pytest.mark.parametrize(
+    ("folder", "recorded", "expected"),
+    [
+        ("b", True, "--model replay:b/answers/W-01234567/exchanges.jsonl --temperature=0.5 --model-seed=7"),
+        ("b c", True, "--model 'replay:b c/answers/W-01234567/exchanges.jsonl' --temperature=0.5 --model-seed=7"),
+        ("b", False, ""),
+        ("b,openai:gpt-5.2", True, ""),
+    ],
+)
+def test_a_wish_that_a_model_planned_is_shown_by_its_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, recorded: bool, expected: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = {"name": "openai:gpt-5.2", "models": [], "temperature": 0.5, "seed": 7, "templates": "0" * 16}
+    result = {"name": "W", "id": "0123456789", "family": "T7", "seed": 3, "query": "pick up the mug"}
+    result |= {"setting": {"model": model}, "ended": "refused"}
+    if recorded:
+        BenchFolder(Path(folder)).answers(result).parent.mkdir(parents=True)
+        BenchFolder(Path(folder)).answers(result).touch()
+    commands = [command for _, command in BenchFolder(Path(folder)).commands(result)]
+    wish = "scene2demo plan 'pick up the mug' --scene t7-3 --keep-sizes"
+    assert commands == [f"{wish} {expected}"] * bool(expected)
+
+
 def test_the_terminal_shows_the_table(
     run_bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

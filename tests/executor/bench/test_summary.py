@@ -20,6 +20,7 @@ from executor.bench.tables import (
     subtask_score,
 )
 from executor.bench.units import BenchSetting, Series
+from executor.campaign.planning_model import PlanningModel
 from executor.campaign.rate import Rate
 
 SERIES = Series("T1", 0, 1, BenchSetting(), "v")
@@ -66,6 +67,15 @@ def test_what_was_taken_twice_and_what_stood_beside_are_counted() -> None:
     assert data["taken_twice"] == 1
     assert data["bystanders"] == {"moved_at_most_m": 0.002, "a_failure_from_m": 0.05, "or_tipped_by_deg": 37.0}
     assert "a thing was taken twice" not in dict(detail_rows(Cell(SERIES, results[:1])))
+
+
+def test_proved_counts_the_units_that_say_it() -> None:
+    asked = Series("T7", 0, 5, BenchSetting(model=PlanningModel("openai:gpt-5.2")), "v")
+    proved = {**unit(0, 1), "proved": True, "stage": "geometry"}
+    refused = {"name": "u", "ended": "refused", "proved": False, "stage": "proof"}
+    others = [{"name": "u", "ended": ended} for ended in ("crashed", "timed-out", "not-drawn")]
+    assert Cell(asked, [proved, refused, *others]).proved == Rate(1, 2)
+    assert Cell(SERIES, [proved]).proved is None
 
 
 units_of_four = st.lists(st.builds(unit, st.integers(0, 4), st.just(4)), min_size=1, max_size=40)

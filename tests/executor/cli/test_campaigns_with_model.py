@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,8 +16,12 @@ from typing import Any
 
 import pytest
 
-from executor.campaign.planning_model import PlanningModel
+from executor.bench.folder import BenchFolder
+from executor.campaign.planning_model import ModelPlan, PlanningModel
 from executor.data.units import DemoUnit, Origin, Variation
+from executor.scenes.generators.any_task import draw
+from llm import AnswersRefused
+from oag.sizes import Sizing
 from tests.executor.cli.conftest import Command, environment
 from tests.executor.cli.test_run_with_model import MODEL, point_to
 from tests.llm.live import KEY
@@ -231,11 +236,65 @@ def test_a_bench_says_what_a_model_proved_and_took(
     (cell,) = summary.data["cells"]
     assert cell["proved"]["successes"] == 1 and cell["model"]["requests"] == asked == summary.data["usage"]["requests"]
     assert cell["setting"]["model"]["name"] == MODEL and "planned by openai-compatible:m" in text.out
-    assert "plan proved, all units" in text.out and f"{asked} requests" in text.out
+    assert "plan proved, of those asked for" in text.out and f"{asked} requests" in text.out
     (path,) = (tmp_path / "b" / "units").glob("*.json")
     again = command("bench", "replay", "b", path.name, "--out", "again", "--no-video", "--json")
     assert again.data["same_states"] is True
     assert KEY not in written_in(tmp_path / "b") + summary.out + text.out + text.err
+
+
+@pytest.mark.parametrize("folder", ["b c", "b,openai:gpt-5.2"])
+def test_a_wish_is_planned_again_by_its_answers(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    words = ("bench", "T7", "--seed", "3", "--episodes", "1", "--workers", "1", "--out", folder, "--model", MODEL)
+    with ModelServer(replies("I would rather not."), key=KEY) as server:
+        point_to(server, monkeypatch)
+        summary = command(*words, "--temperature", "0.5", "--json")
+        asked = len(server.seen)
+    (cell,) = summary.data["cells"]
+    assert cell["proved"]["trials"] == 1 and cell["proved"]["successes"] == 0
+    bench = BenchFolder(tmp_path / folder)
+    (series,) = bench.series()
+    (result,) = bench.results(series)
+    commands = [shlex.split(words) for _, words in bench.commands(result)]
+    # A path with a provider in it names no recording; what repeats units takes the path itself.
+    assert len(commands) == ("," not in folder)
+    for shown in commands:
+        answer = command(*shown[1:], "--json")
+        assert answer.code == summary.code == 1 and asked > 1
+        told, recorded = answer.data["error"]["message"], result["failure"]["message"]
+        # It names the recording in place of the model.
+        assert told.partition(" does not solve ")[2] == recorded.partition(" does not solve ")[2] != ""
+    refusal = command("bench", "replay", folder, result["name"])
+    assert refusal.code == 2 and ("replay:" in refusal.err) is bool(commands)
+    wish = draw(result["seed"])
+    model = PlanningModel(MODEL, temperature=0.5)
+    with pytest.raises(AnswersRefused) as refused:
+        ModelPlan.repeated(model, bench.answers(result))(wish.query, wish.scene, Sizing(keep=True))
+    assert str(refused.value) == result["failure"]["message"]
+
+
+@pytest.mark.parametrize("before", [WORDS, ("bench", "T1", "--out", "d", "--model", MODEL)])
+def test_usage_that_cannot_be_read_ends_the_command(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: tuple[str, ...]
+) -> None:
+    (tmp_path / "d" / "answers").mkdir(parents=True)
+    (tmp_path / "d" / "answers" / "used.json").write_text("{")
+    with ModelServer(replies("no"), key=KEY) as server:
+        point_to(server, monkeypatch)
+        answer = command(*before, "--episodes", "1")
+        assert not server.seen
+    assert answer.code == 2 and "does not say what was used" in " ".join(answer.err.split())
+    assert [path.name for path in (tmp_path / "d").iterdir()] == ["answers"]
+
+
+def test_a_file_of_a_model_is_checked_before_the_first_unit(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "a.gguf").write_text("text")
+    for name, problem in (("none.gguf", "cannot be read"), ("a.gguf", "no GGUF file")):
+        answer = command("bench", "T1", "--episodes", "1", "--workers", "1", "--model", f"local:{name}", "--out", "d")
+        assert answer.code == 2 and problem in " ".join(answer.err.split())
+    assert not (tmp_path / "d").exists()
 
 
 @pytest.mark.parametrize(

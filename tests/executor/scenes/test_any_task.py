@@ -5,12 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections import Counter
 from importlib import resources
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import bddl
-from executor.bench.any_task import _STATED, has_true_reason, labels, wish_rows
+from executor.bench.any_task import _STATED, has_true_reason, labels, run_wish, wish_rows
 from executor.scenes.generators import any_task
 from executor.scenes.library import load
 from oag.model.robots import LIFTED
@@ -89,3 +90,10 @@ def test_rates_rest_on_labels() -> None:
     assert rows["with a true reason"].startswith("1 of 1")
     assert rows["failed after motion, of the started"].startswith("1 of 2")
     assert rows["  open"] == "2 understood, 2 proved, 2 feasible, 1 succeeded of 2"
+
+
+def test_a_plan_that_geometry_refuses_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = SimpleNamespace(failure=SimpleNamespace(kind=SimpleNamespace(value="unreachable")), reason="too far")
+    monkeypatch.setattr("executor.bench.any_task.feasible", lambda *_, **__: far)
+    found = [run_wish(seed) for seed in (0, 1)]
+    assert [(one["stage"], one["proved"]) for one in found] == [("geometry", True), ("read", False)]

@@ -89,9 +89,14 @@ def test_what_cannot_be_served_is_said_with_its_reason(library: Path, monkeypatc
     ):
         with pytest.raises(ModelConfigError, match=words):
             connect(f"local:{file}")
+        if file != broken:
+            with pytest.raises(ModelConfigError, match=words):
+                connect(f"local:{file}", starts=False)
+    connect(f"local:{broken}", starts=False)  # All is checked but what only its start tells.
     monkeypatch.setattr(local, "find_spec", lambda _: None)
-    with pytest.raises(MissingExtra, match="extra 'local'"):
-        connect(f"local:{broken}")
+    for starts in (True, False):
+        with pytest.raises(MissingExtra, match="extra 'local'"):
+            connect(f"local:{broken}", starts=starts)
 
 
 def test_a_server_that_does_not_start_in_time_is_ended_with_this_reason(

@@ -35,8 +35,8 @@ def test_what_one_process_uses_counts_for_all(tmp_path: Path) -> None:
         with pytest.raises(BudgetSpent, match=r"budget of \$0\.0002 is used up\. Used by all together: 3 requests"):
             process.complete(ASK)
     assert len(script.asked) == 3
-    used = usage_in(file)
-    assert used is not None and used.cost_usd == pytest.approx(210e-6) and used.tokens == 45
+    used = usage_in(file, "lab:small")
+    assert used.cost_usd == pytest.approx(210e-6) and used.tokens == 45
     # Who starts later, with more, goes on.
     shared(script, file, cost_usd=1.0).complete(ASK)
     assert len(script.asked) == 4
@@ -50,8 +50,8 @@ def test_nothing_is_lost_between_processes_that_count_at_once(tmp_path: Path) ->
 
     with ThreadPoolExecutor(8) as threads:
         list(threads.map(use, range(200)))
-    used = usage_in(file)
-    assert used is not None and (used.requests, used.input_tokens) == (200, 2000)
+    used = usage_in(file, "lab:small")
+    assert (used.requests, used.input_tokens) == (200, 2000)
 
 
 def test_a_recorded_reply_uses_up_nothing(tmp_path: Path) -> None:
@@ -69,18 +69,26 @@ def test_requests_without_a_reply_and_without_a_price_are_said(tmp_path: Path) -
     with pytest.raises(ModelUnavailable):
         shared(Scripted(ModelUnavailable("lab:small", "it is busy")), file).complete(ASK)
     shared(Scripted(ChatReply("fine", 10, None)), file, price=None).complete(ASK)
-    used = usage_in(file)
-    assert used is not None and (used.requests, used.failures, used.uncounted) == (2, 1, 1)
+    used = usage_in(file, "lab:small")
+    assert (used.requests, used.failures, used.uncounted) == (2, 1, 1)
     assert used.cost_usd is None and "1 failed" in used.summary()
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"requests": 1}', json.dumps({"requests": -1})])
+@pytest.mark.parametrize("text", ["{", "[]", "[" * 4000, '{"requests": 1}', json.dumps({"requests": -1})])
 def test_a_file_that_says_something_else_is_refused(tmp_path: Path, text: str) -> None:
     script, file = Scripted(), tmp_path / "used.json"
     file.write_text(text)
     with pytest.raises(CassetteError, match="does not say what was used"):
         shared(script, file).complete(ASK)
-    assert not script.asked and usage_in(file) is None
+    assert not script.asked
+    with pytest.raises(CassetteError, match="does not say what was used"):
+        usage_in(file, "lab:small")
+
+
+def test_nothing_was_used_only_where_there_is_no_file(tmp_path: Path) -> None:
+    assert usage_in(tmp_path / "answers" / "used.json", "lab:small").requests == 0
+    with pytest.raises(CassetteError, match="cannot be counted"):
+        usage_in(tmp_path, "lab:small")
 
 
 def test_a_limit_in_dollars_needs_a_price(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
