@@ -49,9 +49,12 @@ def concerns(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
 def doors(goal: bddl.Formula, scene: Scene) -> frozenset[str]:
     """Return the fixtures with a door that a goal asks for, or behind which it takes something or puts it."""
     atoms = _open_atoms(goal, scene)
-    behind = {atom.args[-1] for atom in atoms if atom.predicate in ("open", "inside")}
-    moved = {name for atom in atoms if atom.predicate in RESTING for name in atom.args}
-    concerned = [scene.objects[name] for name in behind | _with_carriers(moved, _rests(scene)) if name in scene.objects]
+    named = {atom.args[-1] for atom in atoms if atom.predicate in ("open", "inside")}
+    for atom in (atom for atom in atoms if atom.predicate in RESTING):
+        thing, place = atom.args[0], atom.args[-1]
+        # On top of a cabinet nothing is behind its door.
+        named |= _with_carriers({thing}, _rests(scene)) | (_with_carriers({place}, _rests(scene)) - {place})
+    concerned = [scene.objects[name] for name in named if name in scene.objects]
     return frozenset(thing.id for thing in concerned if thing.kind is Kind.ARTICULATED)
 
 

@@ -45,6 +45,8 @@ def goal(text: str) -> bddl.Formula:
         ("(and (inside bowl_0 cabinet_0) (not (open cabinet_0)))", None, True),
         ("(open fridge_0)", None, True),
         ("(ontop bowl_0 cabinet_0)", None, False),
+        ("(ontop bowl_0 fridge_0)", None, False),
+        ("(ontop bowl_0 plate_0)", None, True),
     ],
 )
 def test_later_modules_read_what_is_at_stake(wanted: str, kept: str | None, door: bool) -> None:
