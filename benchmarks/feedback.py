@@ -135,8 +135,8 @@ class Counted:
     def __init__(self, file: Path, seed: int) -> None:
         self.transport = connect(f"replay:{file}", seed=seed)
 
-    def outcome(self, way: str, query: str, scene: Scene, goal: bddl.Formula, *, execute: bool) -> Outcome:
-        """Return what becomes of a query by one way."""
+    def outcome(self, way: str, query: str, scene: Scene, goal: bddl.Formula | None, *, execute: bool) -> Outcome:
+        """Return what becomes of a query by one way; without a goal it is one that cannot be done."""
         try:
             task = attempt(self.transport, way, query, scene)
         except ReplayMissing:
@@ -152,8 +152,8 @@ class Counted:
         found.form = json.dumps([(part.target, str(part.goal)) for part in canonical(task).subtasks])
         # A goal that nobody has checked may name what is not there.
         with suppress(bddl.BDDLError):
-            found.as_asked = bool(bddl.equivalent(task.goal, goal, scene.categories))
-        if execute and (way == FREE or found.verdict == Verdict.PROVED.value):
+            found.as_asked = goal is not None and bool(bddl.equivalent(task.goal, goal, scene.categories))
+        if execute and goal is not None and (way == FREE or found.verdict == Verdict.PROVED.value):
             asked = replace(task, goal=goal)
             world = scene.with_scales(task.scales)
             done = UncheckedRun(compose(asked, scene=world), world, 0).from_start()
@@ -194,7 +194,7 @@ def table(folders: list[Path], *, execute: bool) -> Iterator[str]:
     """Yield the rows: a model and a way each."""
     yield "| model, way | runs | proved | proved, as asked | succeeded | wasted s | requests | tokens | forms a query |"
     yield "|---|---|---|---|---|---|---|---|---|"
-    listed, scenes, goals = queries(), dict[str, Scene](), dict[int, bddl.Formula]()
+    listed, scenes, goals = queries(), dict[str, Scene](), dict[int, bddl.Formula | None]()
     for folder in folders:
         columns = {way: Column() for way in WAYS}
         for file in sorted(folder.glob(f"*-{BOUND}.jsonl")):
@@ -205,7 +205,9 @@ def table(folders: list[Path], *, execute: bool) -> Iterator[str]:
             name, query = listed[number]
             scene = scenes.setdefault(name, load_scene(name))
             if number not in goals:
-                goals[number] = llm.propose(query, scene).task.goal
+                goals[number] = None
+                with suppress(llm.QueryError):
+                    goals[number] = llm.propose(query, scene).task.goal
             for way, column in columns.items():
                 replayed = Counted(free if way == FREE else file, seed)
                 found = replayed.outcome(way, query, scene, goals[number], execute=execute)
