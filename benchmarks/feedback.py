@@ -34,7 +34,7 @@ from bddl.errors import Scene2DemoError
 from benchmarks.baselines.methods import UncheckedRun
 from executor.campaign.rate import Rate
 from executor.scenes.file import load_scene
-from llm.client.recording import connect
+from llm.client.connect import connect
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.errors import ReplayMissing
 from llm.proposing.model_proposer import Draft

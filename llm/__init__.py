@@ -36,7 +36,8 @@ from oag.sizes import TO_THE_AIM, Sizing
 from oag.task_definition import required_scene
 
 if TYPE_CHECKING:
-    from llm.client.recording import Recorder, Replay, connect
+    from llm.client.connect import connect
+    from llm.client.recording import Recorder, Replay
     from llm.proposing.model_proposer import ModelProposer
 
 __all__ = [
@@ -102,7 +103,7 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, si
     proposer: object = model
     if isinstance(model, str):
         # pydantic is loaded with the first question to a model.
-        from llm.client.recording import connect
+        from llm.client.connect import connect
         from llm.proposing.model_proposer import ModelProposer
 
         proposer = ModelProposer(connect(model), name=model, sizing=sizing)
@@ -117,7 +118,7 @@ _PLACES = {
     "ModelProposer": "llm.proposing.model_proposer",
     "Recorder": "llm.client.recording",
     "Replay": "llm.client.recording",
-    "connect": "llm.client.recording",
+    "connect": "llm.client.connect",
 }
 
 

@@ -24,7 +24,7 @@ from executor.campaign.claims import exclusive_lock
 from executor.system.files import content_key, json_text, write_json
 from executor.system.workers import HandoverRefused
 from llm.client.budget import Usage
-from llm.client.recording import is_replay, recording_of, replayed
+from llm.client.connect import is_replay, recording_of, replayed
 from llm.client.shared import usage_in
 from llm.errors import CassetteError
 from llm.structured.conversation import Spending

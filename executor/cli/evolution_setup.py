@@ -18,7 +18,7 @@ from executor.sim.render.cameras import VIEWS
 from executor.system import vulkan
 from executor.system.files import write_json
 from llm import Budget, Metered, connect
-from llm.client.recording import is_replay, recording_of
+from llm.client.connect import is_replay, recording_of
 from llm.errors import LlmError, ModelError, PicturesMissing
 from llm.evolve import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.evolve.judges import Judges, judges

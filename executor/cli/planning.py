@@ -38,8 +38,8 @@ def planned_by_model(options: ModelOptions, workers: int, folder: Path) -> Plann
         return None
     from executor.campaign.planning_model import MODULES_THAT_PLAN, PlanningModel, used_in
     from executor.cli.evolution_setup import by_module, connect_model
+    from llm.client.connect import recording_of
     from llm.client.profiles import find_profile
-    from llm.client.recording import recording_of
 
     models = by_module(options.models)
     for name in (options.model, *models.values()):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from threading import Lock
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -112,6 +113,11 @@ def spent_limit(used: Usage, budget: Budget) -> str | None:
     return None
 
 
+def late_reply(budget: Budget) -> str:
+    """Return why a request ended without a reply when a budget's time ran out."""
+    return f"the budget of {budget.time_s:g} s ran out during a request"
+
+
 def check_price(name: str, budget: Budget, *prices: Price | None) -> None:
     """Refuse a limit in dollars where a price is unknown.
 
@@ -121,6 +127,45 @@ def check_price(name: str, budget: Budget, *prices: Price | None) -> None:
     if budget.cost_usd is not None and None in prices:
         advice = "Limit tokens instead, or write the price into a file of profiles"
         raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
+
+
+def send_within(
+    transport: Transport,
+    request: ChatRequest,
+    left_s: float | None,
+    *,
+    count: Callable[[ChatReply | None, int, float], None],
+    ran_out: Callable[[], BudgetSpent],
+) -> ChatReply:
+    """Return a transport's reply to a request that waits no longer than the remaining time.
+
+    Args:
+        transport: Transport that answers.
+        request: The request.
+        left_s: Remaining time of a budget [s]; None is no limit.
+        count: Called once, also after a failure: with the reply or None, its attempts, and the waiting time [s].
+        ran_out: Returns the error for a time that ran out during the request.
+
+    Raises:
+        BudgetSpent: The remaining time ran out during the request.
+        ModelError: As the transport does.
+    """
+    if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
+        request = replace(request, timeout_s=left_s)
+    began = time.monotonic()
+    reply: ChatReply | None = None
+    attempts = 1
+    try:
+        reply = transport.complete(request)
+        attempts = reply.attempts
+    except ModelError as error:
+        attempts = error.attempts
+        if isinstance(error, ModelTimeout) and left_s is not None and time.monotonic() - began >= left_s:
+            raise ran_out() from error
+        raise
+    finally:
+        count(reply, attempts, time.monotonic() - began)
+    return reply
 
 
 class Metered:
@@ -190,21 +235,9 @@ class Metered:
     def complete(self, request: ChatRequest) -> ChatReply:
         """Return the transport's reply."""
         left_s = self._admit()
-        if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
-            request = replace(request, timeout_s=left_s)
-        began = time.monotonic()
-        reply: ChatReply | None = None
-        attempts = 1
-        try:
-            reply = self._transport.complete(request)
-            self.answered_by, attempts = reply.model, reply.attempts
-        except ModelError as error:
-            attempts = error.attempts
-            if isinstance(error, ModelTimeout) and left_s is not None and time.monotonic() - began >= left_s:
-                raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error
-            raise
-        finally:
-            self._count(reply, self.price_of(request.module), attempts, time.monotonic() - began)
+        count = partial(self._count, self.price_of(request.module))
+        reply = send_within(self._transport, request, left_s, count=count, ran_out=self._ran_out)
+        self.answered_by = reply.model
         return reply
 
     def _admit(self) -> float | None:
@@ -227,10 +260,13 @@ class Metered:
                 return None if budget.time_s is None else budget.time_s - elapsed_s
         raise self._spent(problem)
 
+    def _ran_out(self) -> BudgetSpent:
+        return self._spent(late_reply(self.budget))
+
     def _spent(self, problem: str) -> BudgetSpent:
         return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
 
-    def _count(self, reply: ChatReply | None, price: Price | None, attempts: int, waited_s: float) -> None:
+    def _count(self, price: Price | None, reply: ChatReply | None, attempts: int, waited_s: float) -> None:
         """Add the result of a request; `_admit` has counted one of its attempts."""
         with self._lock:
             used = replace(

@@ -1,7 +1,8 @@
-"""Record and replay of exchanges with a model, and `connect`, which opens a model or a recording by name.
+"""Record and replay of exchanges with a model.
 
     transport = Recorder(model, Path("run.jsonl"))      # asks the model, and writes every exchange
     transport = Replay(Path("run.jsonl"))               # answers from the file, without key or network
+    transport = Continued(Replay(...), model)           # answers from the file, and by the model where it ends
 
 The file has one exchange a line, as JSON that a person can read:
 
@@ -19,28 +20,22 @@ from __future__ import annotations
 import json
 import os
 from collections import defaultdict, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Lock
-from types import MappingProxyType
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
 from bddl.terminal import escape_json, pluralize
-from llm.client.budget import Budget, Metered, check_price
-from llm.client.local import served
-from llm.client.openai import OpenAITransport
-from llm.client.profiles import ModelProfile, Price, find_profile, tables
-from llm.client.shared import Shared
-from llm.client.transport import ChatReply, ChatRequest, Routed, Sampled, Transport, digest_of, project_version
+from llm.client.likeness import differences, nearest
+from llm.client.transport import ChatReply, ChatRequest, Transport, digest_of, project_version
 from llm.errors import (
     BadReply,
     CassetteError,
-    ModelConfigError,
     ModelError,
     ModelRefused,
     ModelTimeout,
@@ -49,81 +44,6 @@ from llm.errors import (
     ReplyTooLong,
 )
 from oag.model.forms import first_mistake
-
-MOST_LINES = 6
-_CONTEXT = 30
-
-
-def nearest(asked: Mapping[str, object], recorded: Iterable[Mapping[str, object]]) -> int | None:
-    """Return the position of the recorded request that differs least, or None if there is none.
-
-    A differing field counts by its differing share. So a request with one other word is nearer than another one of
-    the same form. The earliest wins a tie.
-    """
-    leaves = _leaves(asked)
-    distances = [_distance(leaves, _leaves(other)) for other in recorded]
-    return distances.index(min(distances)) if distances else None
-
-
-def differences(asked: Mapping[str, object], recorded: Mapping[str, object]) -> tuple[str, ...]:
-    """Return a line for each of the first few fields in which two requests differ."""
-    ours, theirs = _leaves(asked), _leaves(recorded)
-    places = _unlike(ours, theirs)
-    lines = [_line(place, ours.get(place), theirs.get(place)) for place in places[:MOST_LINES]]
-    if len(places) > MOST_LINES:
-        lines.append(f"and {len(places) - MOST_LINES} more")
-    return tuple(lines)
-
-
-def _leaves(record: object) -> dict[str, object]:
-    found: dict[str, object] = {}
-    waiting: list[tuple[str, object]] = [("", record)]
-    while waiting:
-        place, value = waiting.pop()
-        if isinstance(value, Mapping) and "image" in value:
-            found[place] = f"image {str(value['image'])[:12]}… ({value.get('bytes')} bytes)"
-        elif isinstance(value, Mapping) and value:
-            waiting += [(f"{place}.{name}" if place else str(name), item) for name, item in reversed([*value.items()])]
-        elif isinstance(value, (list, tuple)) and value:
-            waiting += [(f"{place}[{index}]", item) for index, item in reversed([*enumerate(value)])]
-        else:
-            found[place] = value
-    return found
-
-
-def _unlike(ours: Mapping[str, object], theirs: Mapping[str, object]) -> list[str]:
-    missing = object()
-    places = dict.fromkeys([*ours, *theirs])
-    return [place for place in places if ours.get(place, missing) != theirs.get(place, missing)]
-
-
-def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float:
-    """Sum over differing fields: 1, or for two texts the share that is in neither common head nor tail."""
-    total = 0.0
-    for place in _unlike(ours, theirs):
-        one, other = ours.get(place), theirs.get(place)
-        if not isinstance(one, str) or not isinstance(other, str):
-            total += 1.0
-            continue
-        head = _shared(one, other)
-        tail = _shared(one[head:][::-1], other[head:][::-1])
-        total += 1.0 - (head + tail) / max(len(one), len(other))
-    return total
-
-
-def _shared(one: str, other: str) -> int:
-    pairs = enumerate(zip(one, other, strict=False))
-    return next((index for index, (a, b) in pairs if a != b), min(len(one), len(other)))
-
-
-def _line(place: str, ours: object, theirs: object) -> str:
-    if not isinstance(ours, str) or not isinstance(theirs, str) or max(len(ours), len(theirs)) < 2 * _CONTEXT:
-        return f"{place}: recorded {theirs!r:.80}, asked {ours!r:.80}"
-    start = _shared(theirs, ours)
-    before = max(0, start - _CONTEXT)
-    shown = [text[before : start + _CONTEXT] for text in (theirs, ours)]
-    return f"{place}, from character {start}: recorded …{shown[0]!r}, asked …{shown[1]!r}"
-
 
 VERSION = 1
 # Pictures are stored as hashes; a day's exchanges have some tens of MB.
@@ -487,124 +407,3 @@ def _pass_reply(recorded: Replay | Continued, digest: str) -> None:
     """Consume the exchanges with a digest up to the next one with a reply."""
     while (exchange := recorded.next_of(digest)) is not None and not isinstance(exchange.outcome, ChatReply):
         pass
-
-
-_REPLAY = "replay"
-_NOTHING_PAID = Price(input=0.0, output=0.0)  # Recorded replies are not paid for again.
-
-
-def recording_of(configuration: str) -> tuple[Path | None, str]:
-    """Return the recording that a configuration names, and the model that goes on where it ends; empty for none.
-
-    Only `replay:FILE` and `replay:FILE,PROVIDER:MODEL` name a recording.
-    """
-    provider, _, rest = configuration.strip().partition(":")
-    if provider != _REPLAY or not rest:
-        return None, configuration
-    file, comma, model = rest.rpartition(",")
-    goes_on = bool(comma) and model.partition(":")[0] in tables() and ":" in model
-    return (Path(file), model) if goes_on else (Path(rest), "")
-
-
-def is_replay(configuration: str) -> bool:
-    """Decide whether a configuration names a recording alone, so that nothing is asked or paid."""
-    file, model = recording_of(configuration)
-    return file is not None and not model
-
-
-def replayed(file: Path, *, temperature: float | None = None, seed: int | None = None) -> Metered:
-    """Return a transport that answers from a recording alone, whatever its path contains.
-
-    Args:
-        file: The recording.
-        temperature, seed: Sampling of every request, as when it was recorded.
-
-    Raises:
-        CassetteError: It cannot be read.
-    """
-    transport: Transport = (replay := Replay(file))
-    if temperature is not None or seed is not None:
-        transport = Sampled(transport, temperature, seed)
-    return Metered(transport, name=f"{_REPLAY}:{file}", price=_NOTHING_PAID, warnings=replay.warnings, replays=True)
-
-
-def connect(
-    configuration: str,
-    *,
-    budget: Budget | None = None,
-    record: Path | None = None,
-    resume: bool = False,
-    same_start: bool = True,
-    models: Mapping[int, str] = MappingProxyType({}),
-    temperature: float | None = None,
-    seed: int | None = None,
-    shared: Path | None = None,
-    starts: bool = True,
-) -> Metered:
-    """Return a transport for a configuration, with usage counted in `.usage`; nothing is sent yet.
-
-    `.warnings` states what was skipped in a damaged recording, and what is continued.
-
-    Args:
-        configuration: "provider:model", such as "openai:gpt-5.2"; "replay:FILE" for a recorded run; or
-            "replay:FILE,provider:model" for one that the model continues where the recording ends.
-        budget: Limits of the run; default is none.
-        record: A new file into which every exchange is written.
-        resume: Continue the file of a run that ended early: its replies are returned first, and not asked again.
-        same_start: With `resume`, refuse to ask if the run's first request is not in the file.
-        models: Module, 1 to 5, or judge -> configuration of its own model.
-        temperature, seed: Sampling of every request; None leaves it to the server. A replay needs the same values.
-        shared: File in which processes count what they use together; the budget is then one of all of them.
-        starts: Whether the server of a model's file is started; without it, all else is checked and nothing answers.
-
-    Raises:
-        ModelConfigError: Provider, model, key, address or library is unknown or missing; or a model takes no
-            temperature.
-        CassetteError: A recording cannot be read or created.
-    """
-    if configuration.strip() == f"{_REPLAY}:":
-        raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
-    file, model = recording_of(configuration)
-    profile = find_profile(model) if model or file is None else None
-    profiles = {module: find_profile(name) for module, name in models.items()}
-    for one in (profile, *profiles.values()):
-        if temperature is not None and one is not None and not one.send_temperature:
-            raise ModelConfigError(one.name, "the model takes no temperature", "Leave the temperature out")
-    prices = {module: one.price for module, one in profiles.items()}
-    transport: Transport
-    warnings: tuple[str, ...] = ()
-    live: Transport | None = None if profile is None else _live(profile, profiles, starts=starts)
-    if live is not None and profile is not None and shared is not None:
-        together, budget = budget or Budget(), None
-        check_price(profile.name, together, profile.price, *prices.values())
-        live = Shared(live, shared, name=profile.name, budget=together, price=profile.price, prices=prices)
-    if file is not None:
-        transport = replay = Replay(file)
-        warnings = replay.warnings
-        if live is not None:
-            transport = Continued(replay, live)
-    else:
-        assert live is not None
-        transport = live
-    if record is not None:
-        transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
-        warnings = (*warnings, *recorder.notes)
-    if temperature is not None or seed is not None:
-        transport = Sampled(transport, temperature, seed)
-    return Metered(
-        transport,
-        name=configuration if profile is None or file is not None else profile.name,
-        budget=budget,
-        price=_NOTHING_PAID if profile is None else profile.price,
-        prices={} if profile is None else prices,
-        warnings=warnings,
-        boxes=None if profile is None else profile.boxes,
-        replays=profile is None,
-    )
-
-
-def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile], *, starts: bool) -> Transport:
-    """Return a transport to a model, and to those of some modules."""
-    others = {module: OpenAITransport(served(one, starts=starts)) for module, one in profiles.items()}
-    transport = OpenAITransport(served(profile, starts=starts))
-    return Routed(transport, others) if others else transport

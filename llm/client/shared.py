@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
@@ -17,10 +16,10 @@ from types import MappingProxyType
 from typing import IO
 
 from bddl.files import open_plain
-from llm.client.budget import Budget, Usage, spent_limit
+from llm.client.budget import Budget, Usage, late_reply, send_within, spent_limit
 from llm.client.profiles import Price
 from llm.client.transport import ChatReply, ChatRequest, Transport
-from llm.errors import BudgetSpent, CassetteError, ModelError, ModelTimeout
+from llm.errors import BudgetSpent, CassetteError
 
 try:
     import fcntl
@@ -73,23 +72,14 @@ class Shared:
             raise self._spent(problem, used)
         limit_s = self._budget.time_s
         left_s = None if limit_s is None else limit_s - used.waited_s
-        if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
-            request = replace(request, timeout_s=left_s)
-        began = time.monotonic()
-        reply: ChatReply | None = None
-        attempts = 1
-        try:
-            reply = self._transport.complete(request)
-            attempts = reply.attempts
-        except ModelError as error:
-            attempts = error.attempts
-            if isinstance(error, ModelTimeout) and left_s is not None and time.monotonic() - began >= left_s:
-                raise self._spent(f"the budget of {limit_s:g} s ran out during a request", used) from error
-            raise
-        finally:
-            price = self._prices.get(request.module, self._price)
-            self._add(_counted(reply, price, attempts, time.monotonic() - began))
-        return reply
+        price = self._prices.get(request.module, self._price)
+        return send_within(
+            self._transport,
+            request,
+            left_s,
+            count=lambda reply, attempts, waited_s: self._add(_counted(reply, price, attempts, waited_s)),
+            ran_out=lambda: self._spent(late_reply(self._budget), used),
+        )
 
     def _spent(self, problem: str, used: Usage) -> BudgetSpent:
         return BudgetSpent(self._name, problem, f"Used by all together: {used.summary()}")

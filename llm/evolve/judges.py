@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from llm.client.recording import connect
+from llm.client.connect import connect
 from llm.client.transport import Transport
 from llm.evolve.judge_session import ALL_VIEWS, ROUNDS, JudgeSession
 from llm.evolve.model_inspector import LOOK_BACK, MOST_INSPECTED, ModelInspector

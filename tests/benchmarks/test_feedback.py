@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks import feedback
 from llm.client.budget import Metered
-from llm.client.recording import Recorder, connect
+from llm.client.connect import connect
+from llm.client.recording import Recorder
 from llm.client.transport import Sampled
 from tests.llm.scripted_modules import Script, Wrong, right_answers, scene_of, without_subtask
 

@@ -284,7 +284,7 @@ def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStac
     from executor.photo.perception import model_detector
     from executor.reports.run_folder import kept_aside
     from llm import Conversation
-    from llm.client.recording import is_replay, recording_of
+    from llm.client.connect import is_replay, recording_of
     from llm.structured.conversation import Spending
 
     model = connect_model(options.asked, None)

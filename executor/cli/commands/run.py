@@ -113,7 +113,7 @@ def _run(options: Options) -> int:
     from executor.scenes.validation import require_valid
     from executor.sim.render.frames import check_size
     from llm import propose
-    from llm.client.recording import is_replay
+    from llm.client.connect import is_replay
     from oag.sizes import Sizing
 
     check_seed(options.seed)
@@ -330,7 +330,7 @@ def _judge_options(options: Options) -> JudgeOptions:
     """Return the judges' options: the model that plans, with pictures where they are available."""
     from executor.cli.evolution_setup import NO_VIEWS, PICTURES
     from executor.system import vulkan
-    from llm.client.recording import recording_of
+    from llm.client.connect import recording_of
 
     model = options.asked.model
     if model is None:

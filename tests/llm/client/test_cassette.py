@@ -13,18 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.client.recording import (
-    FAILURES,
-    MOST_LINES,
-    Continued,
-    Exchange,
-    Recorder,
-    Replay,
-    append_line,
-    differences,
-    nearest,
-    read_recording,
-)
+from llm.client.likeness import MOST_LINES, differences, nearest
+from llm.client.recording import FAILURES, Continued, Exchange, Recorder, Replay, append_line, read_recording
 from llm.client.transport import ChatReply, ChatRequest, Image, Message
 from llm.errors import (
     BadReply,

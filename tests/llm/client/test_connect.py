@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from llm.client.budget import Budget
-from llm.client.recording import connect
+from llm.client.connect import connect
 from llm.errors import BadReply, BudgetSpent, CassetteError, ModelConfigError, ModelError, QueryError
 from llm.structured.conversation import AnswersRefused, Conversation
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, hurry
@@ -47,7 +47,7 @@ def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.Mo
         monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
         connect("openai-compatible:small", record=file).complete(ASK)
     code = (
-        "import sys\nfrom llm.client.recording import connect\nfrom llm.client.transport import ChatRequest\n"
+        "import sys\nfrom llm.client.connect import connect\nfrom llm.client.transport import ChatRequest\n"
         "ask = ChatRequest.of('Answer in JSON.', 'Where is the mug?', json_schema={'type': 'object'})\n"
         "print(connect('replay:' + sys.argv[1]).complete(ask).text)\n"
         "print({'openai', 'httpx2', 'httpx', 'anyio'} & set(sys.modules))\n"

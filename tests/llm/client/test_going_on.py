@@ -18,7 +18,7 @@ from threading import Event
 
 import pytest
 
-from llm.client.recording import connect
+from llm.client.connect import connect
 from llm.errors import CassetteError, ModelError
 from llm.evolve import Situation
 from llm.evolve.judges import judges

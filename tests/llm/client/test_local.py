@@ -9,9 +9,9 @@ import pytest
 
 from bddl.errors import MissingExtra
 from llm.client import local
+from llm.client.connect import connect
 from llm.client.openai import chat_body
 from llm.client.profiles import find_profile
-from llm.client.recording import connect
 from llm.client.transport import ChatRequest
 from llm.errors import ModelConfigError
 

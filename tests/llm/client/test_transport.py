@@ -123,6 +123,6 @@ def test_whatever_completes_requests_is_a_transport() -> None:
 CLIENT_LIBRARIES = {"openai", "httpx", "httpx2", "anyio", "jiter"}
 
 
-@pytest.mark.parametrize("module", ["llm", "llm.client.openai", "llm.client.recording"])
+@pytest.mark.parametrize("module", ["llm", "llm.client.openai", "llm.client.connect"])
 def test_importing_loads_no_client_library(module: str) -> None:
     assert not loaded_after(f"import {module}") & CLIENT_LIBRARIES

@@ -13,7 +13,8 @@ import bddl
 import llm
 import oag
 from llm.client.budget import Budget
-from llm.client.recording import Recorder, connect
+from llm.client.connect import connect
+from llm.client.recording import Recorder
 from llm.client.transport import Image
 from llm.errors import BudgetSpent
 from llm.proposing.model_proposer import ModelProposer
