@@ -261,7 +261,8 @@ class CollisionOracle:
     def _mover(self, near: BodyRef, far: BodyRef, carried: tuple[str, ...], moving: set[tuple[str, str]]) -> str | None:
         """Return a body's name as a mover, or None where its nearness to the other does not count."""
         if near.owner == ROBOT:
-            if far.owner == GROUND or (far.owner in carried and near.link in self.robot.gripper_links):
+            stands = far.owner == GROUND and near.link in self._base_links
+            if stands or (far.owner in carried and near.link in self.robot.gripper_links):
                 return None
             fingers = self.robot.finger_links
             return None if near.link in fingers and far.link in fingers and far.owner == ROBOT else near.link

@@ -18,6 +18,8 @@ from executor.planning.cargo import Carried, cargo_of, riders
 from executor.planning.collision import HELD, NOTHING, Allowed, is_allowed
 from executor.records import DriveCommand, Failure, FailureKind
 from executor.sim.detectors import fingers_touching, touching_bodies
+from executor.sim.engine import GROUND, ROBOT
+from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.skills.trajectories import RAD_PER_M, NoiseStream, stop_path, time_path
@@ -56,6 +58,9 @@ class Monitor:
     allowed: Allowed = NOTHING
     _lost: int = field(default=0)
 
+    def __post_init__(self) -> None:
+        self._standing = base_links(self.world.model)
+
     def check(self) -> Failure | None:
         """Return why the motion has to stop now, or None."""
         return self._contacts() or self._grip()
@@ -70,7 +75,7 @@ class Monitor:
                     mover = HELD
                 else:
                     continue
-                if far.owner in ("robot", *carried[:1]) or (near.owner == "robot" and far.owner == "ground"):
+                if far.owner in (ROBOT, *carried[:1]) or (far.owner == GROUND and near.link in self._standing):
                     continue
                 if far.owner in carried and (near.owner in carried or near.link in self.world.model.gripper_links):
                     continue

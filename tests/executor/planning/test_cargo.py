@@ -177,9 +177,11 @@ def test_cargo_that_would_meet_something_is_a_hit(worlds: tuple[World, Collision
         (BodyRef("robot", "panda_leftfinger"), BodyRef("apple_0", "apple"), False),
         (BodyRef("robot", "panda_link4"), BodyRef("apple_0", "apple"), True),
         (BodyRef("apple_0", "apple"), BodyRef("table_0", "table"), True),
+        (BodyRef("robot", "base_body"), BodyRef("ground", "ground"), False),
+        (BodyRef("robot", "panda_link2"), BodyRef("ground", "ground"), True),
     ],
 )
-def test_a_monitor_lets_cargo_touch_its_carrier_and_the_gripper_alone(
+def test_a_monitor_lets_cargo_touch_its_carrier_and_the_gripper_and_the_base_the_floor_alone(
     near: BodyRef, far: BodyRef, met: bool, worlds: tuple[World, CollisionOracle], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world, oracle = worlds

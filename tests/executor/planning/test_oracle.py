@@ -59,6 +59,18 @@ def test_margins_see_what_contact_does_not(scene_world: tuple[World, Planner]) -
     assert not oracle.hits(_at(float(x) - 0.02, 0.0), margin_m=0.0)
 
 
+def test_the_base_stands_on_the_floor_and_the_arm_keeps_off_it() -> None:
+    with World(scene_at_paper_size("kitchen_t1").with_robot("ur5-lift"), oracle=True) as world:
+        oracle = CollisionOracle(world)
+        home = np.array(world.model.start(-0.3, -0.1, 0.0))
+        assert oracle.hits(home) == []
+        # The arm leans forward from its mount, at the lift's lower end, until the upper arm meets the floor.
+        shoulder = next(k for k, name in enumerate(world.model.joint_names) if name == "shoulder_lift_joint")
+        low = home.copy()
+        low[3], low[shoulder] = 0.0, 1.3
+        assert "ground/ground" in {hit.other for hit in oracle.hits(low)}
+
+
 def test_a_moved_door_is_in_the_way_only_where_it_is(scene_world: tuple[World, Planner]) -> None:
     oracle = scene_world[1].oracle
     beside = _at(0.15, 0.3, 0.0)
