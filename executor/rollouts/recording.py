@@ -6,7 +6,7 @@ A replay needs no plan and no sensing, and gives the same states to the last bit
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,10 +115,10 @@ class TrajectoryRecorder:
                 "robot_qpos": qpos,
                 "robot_qvel": np.asarray(world.robot.get_qvel(), dtype=np.float32),
                 "robot_target": np.concatenate([self.control.target, fingers]).astype(np.float32),
-                "eef_pose": pose_vector(self._kinematics.forward(qpos.astype(np.float64))).astype(np.float32),
+                "eef": self._kinematics.forward(qpos.astype(np.float64)),
                 "subtask": self.subtask,
                 "step": self.step,
-                **{f"object:{i}": pose_vector(world.T_world_link(i)) for i in world.dynamic_ids},
+                **{f"object:{i}": world.T_world_link(i) for i in world.dynamic_ids},
                 **{
                     f"joints:{i}": [world.joint_position(i, joint.name) for joint in world.assets[i].joints]
                     for i in world.articulated_ids
@@ -164,18 +164,21 @@ class TrajectoryRecorder:
         def column(name: str, dtype: type) -> np.ndarray:
             return np.array([row[name] for row in self._rows], dtype=dtype)
 
-        def columns(prefix: str) -> Mapping[str, np.ndarray]:
+        def columns(prefix: str, made: Callable[[str], np.ndarray]) -> Mapping[str, np.ndarray]:
             names = [name for name in self._rows[0] if name.startswith(prefix)] if self._rows else []
-            return {name.removeprefix(prefix): column(name, np.float32) for name in names}
+            return {name.removeprefix(prefix): made(name) for name in names}
+
+        def poses(name: str) -> np.ndarray:
+            return pose_vector(column(name, np.float64).reshape(-1, 4, 4)).astype(np.float32)
 
         return Trajectory(
             time_s=column("time_s", np.float64),
             robot_qpos=column("robot_qpos", np.float32),
             robot_qvel=column("robot_qvel", np.float32),
             robot_target=column("robot_target", np.float32),
-            eef_pose=column("eef_pose", np.float32),
-            object_poses=columns("object:"),
-            joint_positions=columns("joints:"),
+            eef_pose=poses("eef"),
+            object_poses=columns("object:", poses),
+            joint_positions=columns("joints:", lambda name: column(name, np.float32)),
             subtask=column("subtask", np.int32),
             step=column("step", np.int32),
             packed_states=tuple(self._packed),
