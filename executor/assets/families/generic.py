@@ -126,7 +126,7 @@ def _made(obj: SceneObject, shapes: Sequence[Shape], region: Region) -> Asset:
     return make(obj, _LINK, shapes, extent_m, _SYNSET, region)
 
 
-_SIDE, _HEIGHT = Range(0.01, 3.0), Range(0.01, 2.5)
+_SIDE, _HEIGHT, _LONG = Range(0.01, 3.0), Range(0.01, 2.5), Range(0.06, 1.0)
 GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
     {
         entry.model: entry
@@ -135,7 +135,7 @@ GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
             ModelEntry("generic_cylinder", THING, _SYNSET, solid_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_open_box", THING, _SYNSET, open_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
-            ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _SIDE, _SIDE, _HEIGHT, (COLOR, LEAN)),
+            ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _LONG, _LONG, _LONG, (COLOR, LEAN)),
         )
     }
 )

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.families.generic import GENERIC
+from executor.assets.families.generic import GENERIC, WITH_BACK
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
@@ -61,6 +61,8 @@ _FRONTED = (*_OPENS, "dishwasher", "shelf")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """Furniture that mostly stands with its back to a wall."""
 
+_WITH_BACK = 20.0  # Of two slabs: few things are, and with a leaning one they imitate what is a little uneven.
+
 CARRIED = ("microwave", "wall_cabinet")
 """Furniture that stands on furniture, or hangs."""
 
@@ -105,6 +107,7 @@ def prior_cost(guess: PoseHypothesis, around: Neighbourhood) -> float:
     facing = _dot(ahead, (guess.x_m, guess.y_m)) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
     away = entry.category in _FRONTED and facing < 0.0
     cost += _TURNED_AWAY if away else 0.0
+    cost += _WITH_BACK if entry.model == WITH_BACK else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # An open door has room to open.

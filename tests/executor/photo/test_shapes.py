@@ -330,6 +330,7 @@ def test_a_generic_shape_has_the_median_colour_of_its_pixels(srgb: tuple[int, in
 def test_things_of_one_name_are_told_apart_by_a_colour_that_one_of_them_has() -> None:
     orange, white, dull = (200, 90, 30), (220, 220, 215), (120, 120, 118)
     seen, boxes = seen_from_above(TABLE, *(replace(BOWL, y_m=y) for y in (-0.25, 0.0, 0.25)))
+    seen = replace(seen, rgb=np.full_like(seen.rgb, 120))
     kept = {0: known(seen, (boxes[0], TABLE)).things[0].fit}
     for place, (box, colour) in enumerate(zip(boxes[1:], (orange, dull, dull), strict=True), start=1):
         kept[place] = replace(known(seen, (box, replace(BOWL, y_m=0.25 * (place - 2)))).things[0].fit, colour=colour)
@@ -343,6 +344,42 @@ def test_things_of_one_name_are_told_apart_by_a_colour_that_one_of_them_has() ->
     assert llm.propose("pick up the orange bowl", made.scene).task.subtasks[-1].target == "orange_bowl_0"
     with pytest.raises(llm.QueryError):
         llm.propose("pick up the bowl", made.scene)
+
+
+@pytest.mark.parametrize(
+    ("rim", "names"),
+    [
+        # A tenth of what is seen of it, and nothing of the other one.
+        ((30, 60, 160), ["blue_bowl_0", "white_bowl_0"]),
+        # Near misses: it is no hue, and both have it.
+        ((120, 120, 118), ["bowl_0", "bowl_1"]),
+        (None, ["bowl_0", "bowl_1"]),
+    ],
+)
+def test_a_white_bowl_with_a_blue_rim_is_the_blue_one_beside_a_white_one(
+    rim: tuple[int, int, int] | None, names: list[str]
+) -> None:
+    white = (220, 220, 215)
+    seen, boxes = seen_from_above(*(replace(BOWL, y_m=y) for y in (-0.15, 0.15)))
+    rgb = np.full_like(seen.rgb, white)
+    for place, box in enumerate(boxes):
+        x0, y0, x1, y1 = map(round, box.box_px)
+        if place == 0 or rim is None:
+            rgb[y0 : y0 + round(0.15 * (y1 - y0)), x0:x1] = rim or (30, 60, 160)
+    boxes = [replace(box, label="bowl") for box in boxes]
+    fits = [known(seen, (box, replace(BOWL, y_m=y))).things[0].fit for box, y in zip(boxes, (-0.15, 0.15), strict=True)]
+    kept = {place: replace(fit, colour=white) for place, fit in enumerate(fits)}
+    assert [thing.id for thing in reconstruct(replace(seen, rgb=rgb), boxes, (), kept=kept).things] == names
+
+
+@pytest.mark.parametrize(("srgb", "name"), [((160, 30, 25), "red_mug_0"), ((200, 90, 30), "mug_0"), (None, "mug_0")])
+def test_one_thing_has_its_hue_in_its_name_where_its_model_has_another_colour(
+    srgb: tuple[int, int, int] | None, name: str
+) -> None:
+    mug = replace(BOWL, entry=LIBRARY["mug"], size_m=(0.11, 0.08, 0.09), parameters=(("color", "white"),))
+    seen, (box,) = seen_from_above(mug)
+    fit = replace(known(seen, (box, mug)).things[0].fit, colour=srgb)
+    assert reconstruct(seen, [replace(box, label="mug")], (), kept={0: fit}).things[0].id == name
 
 
 def test_furniture_is_no_open_box() -> None:
