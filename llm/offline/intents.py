@@ -278,6 +278,9 @@ _SHAPES = {
 """By the model, whatever things are called: a refrigerator that is there as a box alone has no door, and a carton is
 closed."""
 
+_OPEN_SHAPES = ("generic_slab_with_back",)
+"""Models of what stands open, whatever the facts: a laptop whose screen is up, beside a closed one."""
+
 
 def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:
     """Return an object's affordances: those of its category or shape, and those that the scene's facts imply.
@@ -362,8 +365,8 @@ class Surroundings:
         return False if known is None and atom.predicate in self.scene.closed else known
 
     def is_open(self, object_id: str) -> bool | None:
-        """Decide whether an object is open at the start; None where the scene does not say."""
-        return self.value(bddl.Atom("open", (object_id,)))
+        """Decide whether an object is open at the start, by a fact or by its shape; None where the scene does not say."""
+        return self.scene.objects[object_id].model in _OPEN_SHAPES or self.value(bddl.Atom("open", (object_id,)))
 
     def supports(self, object_id: str) -> tuple[Support, ...]:
         """Return the stated supports of an object, containers first."""

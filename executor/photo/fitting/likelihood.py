@@ -105,7 +105,7 @@ def prior_cost(guess: PoseHypothesis, around: Neighbourhood) -> float:
         cost += 0.5 * (beyond / sigma) ** 2
     ahead = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
     facing = _dot(ahead, (guess.x_m, guess.y_m)) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
-    away = entry.category in _FRONTED and facing < 0.0
+    away = (entry.category in _FRONTED or entry.model == WITH_BACK) and facing < 0.0
     cost += _TURNED_AWAY if away else 0.0
     cost += _WITH_BACK if entry.model == WITH_BACK else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
