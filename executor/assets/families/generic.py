@@ -1,5 +1,5 @@
-"""Generic shapes for things that the library has no model of: a box, a cylinder, an open box, a slab on legs, and a
-slab with a slab that stands up from its back, as an open laptop.
+"""Generic shapes for things that the library has no model of: a box and a cylinder, both also open at the top, a
+slab on legs, and a slab with a slab that stands up from its back, as an open laptop.
 
 Each takes any size. A thing so keeps its own category, which decides whether it is an item or furniture; fingers close
 around the item if it is narrow enough, and things stand on its top or in its hollow.
@@ -14,6 +14,7 @@ from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
+from executor.assets.families.items import straight_cup
 from executor.assets.families.shapes import Color, box, box_item, cylinder, fixture, open_top, round_item, surface
 from executor.assets.model import Asset, Region, Shape, Vector
 from executor.assets.parameters import SAME_AS_WIDTH, ChoiceParameter, ModelEntry, NumericParameter, Range, require_size
@@ -75,6 +76,13 @@ def open_box(obj: SceneObject) -> Asset:
     return _made(obj, *open_top(_LINK, (x, y, z), t, _board(obj)))
 
 
+def open_cylinder(obj: SceneObject) -> Asset:
+    """Return an upright cylinder without a lid; its diameter is the smaller horizontal extent."""
+    x, y, z = _halves(obj)
+    made = straight_cup(obj, min(x, y), 2 * z, _LINK, _SYNSET, _COLORS[COLOR.read(obj)])
+    return made if obj.kind is Kind.ITEM else fixture(obj, _LINK, made.links[0].shapes, made.extent_m, _SYNSET, *made.regions)
+
+
 def slab_on_legs(obj: SceneObject) -> Asset:
     """Return a slab with a leg below each of its corners."""
     x, y, z = _halves(obj)
@@ -134,6 +142,7 @@ GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
             ModelEntry("generic_box", THING, _SYNSET, solid_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_cylinder", THING, _SYNSET, solid_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_open_box", THING, _SYNSET, open_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry("generic_open_cylinder", THING, _SYNSET, open_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _LONG, _LONG, _LONG, (COLOR, LEAN)),
         )

@@ -78,15 +78,15 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is.
 
     What is furniture by its name is no open box, and no slab with a back: it has a top, which may only look so. What is
-    hollow by its name, such as a sink, is nothing else.
+    hollow by its name, such as a sink, is an open box or cylinder, and only that is.
     """
     category = plain_name(detection.label) or THING
     entries = [replace(entry, category=category) for entry in GENERIC.values()]
     if is_hollow(detection.label):
-        return [entry for entry in entries if entry.model == "generic_open_box"]
+        return [entry for entry in entries if entry.model in ("generic_open_box", "generic_open_cylinder")]
     is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM
-    of_items = ("generic_open_box", WITH_BACK)
-    return [entry for entry in entries if not (is_furniture and entry.model in of_items)]
+    others = ("generic_open_cylinder", *(("generic_open_box", WITH_BACK) if is_furniture else ()))
+    return [entry for entry in entries if entry.model not in others]
 
 
 def stands_on_floor(detection: Detection) -> bool:

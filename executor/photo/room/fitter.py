@@ -70,13 +70,13 @@ class RoomFitter:
         before = room.remove_fit(index)
         around = room.around(index, hidden_by)
         if (on_wall := hung(room, index, around)) is not None:
-            return room.add_fit(index, _of_size(on_wall, detection))
+            return room.add_fit(index, as_named(on_wall, detection))
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
-            return room.add_fit(index, _of_size(update_fit(around, detection.box_px, before), detection))
+            return room.add_fit(index, as_named(update_fit(around, detection.box_px, before), detection))
         best: Fit | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
-            found = self._over_its_top(detection, _of_size(one, detection))
+            found = self._over_its_top(detection, as_named(one, detection))
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
@@ -99,7 +99,7 @@ class RoomFitter:
         found = found or self._hung(index, room.around(index))
         if found is None:
             return
-        room.add_fit(index, _of_size(found, room.detections[index]))
+        room.add_fit(index, as_named(found, room.detections[index]))
         room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
 
     def judge(self, index: int) -> str:
@@ -197,7 +197,7 @@ class RoomFitter:
         return False
 
 
-def _of_size(found: Fit, detection: Detection) -> Fit:
+def as_named(found: Fit, detection: Detection) -> Fit:
     """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow.
 
     Of what mostly has no lid by its name it is the best open one, unless depth clearly shows a top.

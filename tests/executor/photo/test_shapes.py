@@ -20,14 +20,14 @@ from executor.geometry import Array, rotation_z
 from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import PixelEvidence, colour_name, with_colour
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
-from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.starts import generic_models
+from executor.photo.fitting.likelihood import Fit, RatedHypothesis
+from executor.photo.fitting.starts import generic_models, is_raised
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import RoomEstimate, heights_under, is_on_one, tops_of
-from executor.photo.room.fitter import LEAST_IN_BOX
+from executor.photo.room.fitter import LEAST_IN_BOX, as_named
 from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
 from executor.photo.scene import scene_of
 from executor.photo.yielding import YIELDS, yielding
@@ -60,7 +60,7 @@ def known(seen: Observation, *things: tuple[Detection, PoseHypothesis]) -> Fitte
 def test_a_generic_shape_fills_its_box_and_is_what_its_category_says(
     model: str, size_m: tuple[float, float, float], category: str
 ) -> None:
-    if model == "generic_cylinder":
+    if model in ("generic_cylinder", "generic_open_cylinder"):
         size_m = (size_m[0], size_m[0], size_m[2])
     thing = SceneObject("thing_0", category, model, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), size_m)
     asset = asset_for(thing)
@@ -382,7 +382,75 @@ def test_one_thing_has_its_hue_in_its_name_where_its_model_has_another_colour(
     assert reconstruct(seen, [replace(box, label="mug")], (), kept={0: fit}).things[0].id == name
 
 
-def test_furniture_is_no_open_box() -> None:
-    assert "generic_open_box" in {one.model for one in generic_models(Detection("bin", "bin", (0, 0, 9, 9), 1.0, ""))}
-    sofa = Detection("armchair", "armchair", (0, 0, 9, 9), 1.0, "")
-    assert {one.model for one in generic_models(sofa)} == {*SHAPES} - {"generic_open_box", WITH_BACK}
+@pytest.mark.parametrize(
+    ("label", "without"),
+    [
+        ("drill", {"generic_open_cylinder"}),
+        ("armchair", {"generic_open_cylinder", "generic_open_box", WITH_BACK}),
+        ("laundry basket", {*SHAPES} - {"generic_open_cylinder", "generic_open_box"}),
+        ("mixing bowl", {*SHAPES} - {"generic_open_cylinder", "generic_open_box"}),
+        ("glasses", {"generic_open_cylinder"}),
+    ],
+)
+def test_what_is_hollow_is_told_by_names_and_furniture_is_not(label: str, without: set[str]) -> None:
+    name = plain_name(label)
+    assert {one.model for one in generic_models(Detection(label, name, (0, 0, 9, 9), 1.0, ""))} == {*SHAPES} - without
+
+
+OPEN = shape(WITH_BACK, (0.30, 0.33, 0.20), yaw_rad=0.1)
+CLOSED = shape("generic_box", (0.22, 0.33, 0.02), yaw_rad=0.1)
+
+
+def test_a_laptop_that_stands_open_is_two_slabs_at_its_angle_and_carries_things_before_its_screen() -> None:
+    leaning = OPEN.with_parameters(lean=0.3)
+    seen, (table, box) = seen_from_above(TABLE, leaning)
+    found = reconstruct(seen, [table, replace(box, label="laptop", category="laptop")], ())
+    fit = found.things[1].fit
+    assert fit.guess.entry.model == WITH_BACK and fit.in_box > 0.8
+    assert fit.guess.size_m == pytest.approx(leaning.size_m, abs=0.03)
+    assert abs(math.remainder(fit.guess.yaw_rad - leaning.yaw_rad, 2 * math.pi)) < 0.1
+    _, made = scene_of(found, "drawn")
+    assert made.scene is not None and made.refused == ""
+    tops = [top for top in tops_of([fit.guess])]
+    assert len(tops) == 1 and tops[0].height_m < fit.guess.bottom_m + 0.03
+
+
+@pytest.mark.parametrize("label", ["laptop", "magazine"])
+@pytest.mark.parametrize("thing", [OPEN, CLOSED])
+def test_without_depth_a_laptop_whose_box_is_tall_is_open(label: str, thing: PoseHypothesis) -> None:
+    seen, (table, box) = seen_from_above(TABLE, thing)
+    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    is_open = is_raised(flat, replace(box, label=label, category=label), 0.7)
+    assert is_open is (label == "laptop" and thing is OPEN)
+
+
+def test_the_open_and_the_closed_laptop_are_told_apart() -> None:
+    others = OPEN, replace(CLOSED, y_m=0.35, x_m=1.9)
+    seen, (table, box, other) = seen_from_above(TABLE, *others)
+    things = [(replace(one, label="laptop"), guess) for one, guess in zip((box, other), others, strict=True)]
+    mouse = replace(shape("generic_box", (0.1, 0.06, 0.03)), x_m=2.0, y_m=-0.4)
+    _, made = scene_of(known(seen, (table, TABLE), *things, (replace(box, label="mouse"), mouse)), "drawn")
+    assert made.scene is not None and made.refused == ""
+    for state, number in (("closed", 2), ("open", 1)):
+        task = llm.propose(f"put the mouse on the {state} laptop", made.scene).task
+        assert f"(ontop mouse_3 laptop_{number})" in str(task.goal)
+
+
+@pytest.mark.parametrize(
+    ("label", "more", "has_depth", "is_open"),
+    [
+        ("cardboard box", 5.0, True, True),
+        ("cardboard box", 50.0, True, False),
+        ("cardboard box", 50.0, False, True),
+        ("box", 5.0, True, False),
+    ],
+)
+def test_a_cardboard_box_stands_open_unless_depth_shows_its_top(
+    label: str, more: float, has_depth: bool, is_open: bool
+) -> None:
+    shut, opened = (PoseHypothesis(LIBRARY[one], 2.0, 0.0, 0.0, 0.7, (0.2, 0.2, 0.15)) for one in ("carton", "open_box"))
+    residual_m = 0.005 if has_depth else math.inf
+    fit = Fit(shut, 100.0, (RatedHypothesis(opened, 100.0 + more),), 1.0, residual_m, 100, None, (0.01, 0.01))
+    found = as_named(fit, Detection(label, "box", (0, 0, 9, 9), 1.0, ""))
+    assert (found.guess.entry.model == "open_box") is is_open
+    assert {found.guess.entry.model, found.alternatives[0].guess.entry.model} == {"carton", "open_box"}
