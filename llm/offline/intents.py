@@ -366,7 +366,7 @@ class Surroundings:
         return False if known is None and atom.predicate in self.scene.closed else known
 
     def is_open(self, object_id: str) -> bool | None:
-        """Decide whether an object is open at the start, by a fact or by its shape; None where the scene does not say."""
+        """Decide whether an object is open at the start, by its shape or a fact; None where the scene does not say."""
         return self.scene.objects[object_id].model in _OPEN_SHAPES or self.value(bddl.Atom("open", (object_id,)))
 
     def supports(self, object_id: str) -> tuple[Support, ...]:

@@ -80,7 +80,11 @@ def open_cylinder(obj: SceneObject) -> Asset:
     """Return an upright cylinder without a lid; its diameter is the smaller horizontal extent."""
     x, y, z = _halves(obj)
     made = straight_cup(obj, min(x, y), 2 * z, _LINK, _SYNSET, _COLORS[COLOR.read(obj)])
-    return made if obj.kind is Kind.ITEM else fixture(obj, _LINK, made.links[0].shapes, made.extent_m, _SYNSET, *made.regions)
+    return (
+        made
+        if obj.kind is Kind.ITEM
+        else fixture(obj, _LINK, made.links[0].shapes, made.extent_m, _SYNSET, *made.regions)
+    )
 
 
 def slab_on_legs(obj: SceneObject) -> Asset:
@@ -96,7 +100,7 @@ def slab_on_legs(obj: SceneObject) -> Asset:
 
 
 def slab_with_back(obj: SceneObject) -> Asset:
-    """Return a slab that lies, and one that stands up from it at its back (+x), and leans back by a share of its length.
+    """Return a slab that lies, and one that stands up at its back (+x), and leans back by a share of its length.
 
     Things stand on the one that lies. The other one is the lighter one: it leans over nothing.
     """

@@ -86,9 +86,7 @@ def mug(obj: SceneObject) -> Asset:
     )
 
 
-def straight_cup(
-    obj: SceneObject, radius: float, height: float, name: str, synset: str, color: Color
-) -> Asset:
+def straight_cup(obj: SceneObject, radius: float, height: float, name: str, synset: str, color: Color) -> Asset:
     """Return a round vessel with an upright wall, which fingers can take at its rim."""
     low, high, wall = -height / 2, height / 2, _CUP_WALL_M
     inner, floor, foot, step = radius - wall, low + wall, 0.93 * radius, 0.04 * (high - low)

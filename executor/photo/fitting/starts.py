@@ -53,7 +53,7 @@ LEAST_POINTS = 12
 """Of a thing: fewer have neither size nor turn."""
 
 _GAP_M = 0.05
-_HEADINGS, _ASKEW_HEADINGS = 8, 24
+_HEADINGS = 8
 _UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
@@ -78,15 +78,19 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is.
 
     What is furniture by its name is no open box, and no slab with a back: it has a top, which may only look so. What is
-    hollow by its name, such as a sink, is an open box or cylinder, and only that is.
+    hollow by its name, such as a sink, is an open box or cylinder, and only that is. A laptop is open or shut.
     """
     category = plain_name(detection.label) or THING
     entries = [replace(entry, category=category) for entry in GENERIC.values()]
     if is_hollow(detection.label):
-        return [entry for entry in entries if entry.model in ("generic_open_box", "generic_open_cylinder")]
-    is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM
-    others = ("generic_open_cylinder", *(("generic_open_box", WITH_BACK) if is_furniture else ()))
-    return [entry for entry in entries if entry.model not in others]
+        kept = {"generic_open_box", "generic_open_cylinder"}
+    elif is_folding(detection.label):
+        kept = {"generic_box", WITH_BACK}
+    else:
+        kept = {*GENERIC} - {"generic_open_cylinder"}
+        if is_known(category) and kind_of(category, 0.0) is not Kind.ITEM:
+            kept -= {"generic_open_box", WITH_BACK}
+    return [entry for entry in entries if entry.model in kept]
 
 
 def stands_on_floor(detection: Detection) -> bool:

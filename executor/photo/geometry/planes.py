@@ -167,9 +167,7 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
     return LevelPlanes(found, tuple(planes), deepest_m) if planes else None
 
 
-def level_by_walls(
-    depth: Depth, camera: Intrinsics, support_px: Box, others_px: Sequence[Box]
-) -> LevelPlanes | None:
+def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px: Sequence[Box]) -> LevelPlanes | None:
     """Return the top of a support that is seen too flat to be a plane, with the vertical of walls; None if unsure.
 
     The vertical is that of walls and fronts in two directions. The top is where the boxes of things on it end.

@@ -206,7 +206,10 @@ def as_named(found: Fit, detection: Detection) -> Fit:
         most = _AS_GOOD * found.cost if math.isfinite(found.residual_m) else math.inf
         opened = next((one for one in found.alternatives if _is_open(one.guess) and one.cost <= most), None)
         if opened is not None and not _is_open(found.guess):
-            others = (RatedHypothesis(found.guess, found.cost), *(one for one in found.alternatives if one is not opened))
+            others = (
+                RatedHypothesis(found.guess, found.cost),
+                *(one for one in found.alternatives if one is not opened),
+            )
             found = replace(found, guess=opened.guess, cost=opened.cost, alternatives=others)
     if detection.size_m is None:
         *sides, height = found.guess.size_m

@@ -214,7 +214,9 @@ def _result(room: RoomEstimate) -> FittedRoom:
     several, coloured = Counter(called.values()), {}
     for name, count in several.items():
         alike = [index for index, own in called.items() if own == name]
-        coloured |= _told_apart(room, alike) if count > 1 else {index: _not_as_drawn(room.fits[index]) for index in alike}
+        coloured |= (
+            _told_apart(room, alike) if count > 1 else {index: _not_as_drawn(room.fits[index]) for index in alike}
+        )
     counts: Counter[str] = Counter()
     things, unfitted = [], []
     for index, detection in enumerate(room.detections):
