@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
@@ -117,8 +116,7 @@ def slab_with_back(obj: SceneObject) -> Asset:
     )
     front = (back - thick + x) / 2
     top = surface(_LINK, front, y, thick - z, x_m=front - x)
-    made = _made(obj, [_board(obj)((-x, -y, -z), (back, y, thick - z)), upright], top)
-    return replace(made, grasp_point_m=((back + x - thick) / 2, 0.0, 0.0))
+    return _made(obj, [_board(obj)((-x, -y, -z), (back, y, thick - z)), upright], top)
 
 
 def _halves(obj: SceneObject) -> Vector:
