@@ -19,7 +19,7 @@ from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
 
 _PATTERN, _MORE = 0.05, 4.0  # Share of a hue in what is seen of a thing; times that of any other of its name.
-_WARM = ("brown", "beige", "orange", "yellow")  # One hue in different light.
+_WARM = {"brown", "beige", "orange", "yellow"}  # One hue in different light.
 
 
 @dataclass(frozen=True)
@@ -211,12 +211,10 @@ def _result(room: RoomEstimate) -> FittedRoom:
         index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
         for index, fit in room.fits.items()
     }
-    several, coloured = Counter(called.values()), {}
-    for name, count in several.items():
+    coloured: dict[int, str] = {}
+    for name in {*called.values()}:
         alike = [index for index, own in called.items() if own == name]
-        coloured |= (
-            _told_apart(room, alike) if count > 1 else {index: _not_as_drawn(room.fits[index]) for index in alike}
-        )
+        coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: _not_as_drawn(room.fits[alike[0]])}
     counts: Counter[str] = Counter()
     things, unfitted = [], []
     for index, detection in enumerate(room.detections):
@@ -246,12 +244,13 @@ def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
                 hues[index] = hue
     left = Counter(colour for index, colour in medians.items() if index not in hues)
     held = Counter(medians.values())
-    begun = {}
+    begun: dict[int, str] = {}
     for index, median in medians.items():
-        hue = hues.get(index)
-        is_own = bool(median) and (held[median] == 1 or (hue is None and left[median] == 1))
-        is_other = hue is not None and hue != median and not (hue in _WARM and median in _WARM)
-        begun[index] = (f"{median}_" if is_own else "") + (f"{hue}_" if is_other or (hue and not is_own) else "")
+        pattern = hues.get(index)
+        words = [median] if median and (held[median] == 1 or (pattern is None and left[median] == 1)) else []
+        if pattern is not None and not (words and (pattern == median or {pattern, median} <= _WARM)):
+            words.append(pattern)
+        begun[index] = "".join(f"{word}_" for word in words)
     return begun
 
 
