@@ -264,6 +264,14 @@ def test_a_table_reaches_below_what_stands_at_the_height_of_its_top(beyond_m: fl
     assert is_on_one(found["item"], tops_of([found["table"]])) and found["table"].size_m[1:] == TABLE.size_m[1:]
 
 
+@pytest.mark.parametrize(("x_m", "height_m"), [(2.45, 0.0), (2.0, 0.013)])
+def test_what_stands_on_the_floor_stays_beside_a_laptop_that_is_hardly_higher(x_m: float, height_m: float) -> None:
+    laptop = shape(WITH_BACK, (0.40, 0.32, 0.13), x_m=2.0, y_m=0.0, yaw_rad=0.0, bottom_m=0.0)
+    can = shape("generic_cylinder", (0.06, 0.06, 0.12), x_m=x_m - 0.1, y_m=0.0, bottom_m=0.0)
+    found, _ = resolve_overlaps({"laptop": laptop, "can": can}, ())
+    assert found["can"].bottom_m == pytest.approx(height_m, abs=0.01)
+
+
 def test_a_chair_stays_under_a_table() -> None:
     chair = PoseHypothesis(LIBRARY["chair_wooden"], 1.75, 0.0, 0.0, 0.0, (0.42, 0.42, 0.85))
     seen, (table, box) = seen_from_above(TABLE, chair)
