@@ -62,7 +62,7 @@ AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """Furniture that mostly stands with its back to a wall."""
 
 _WITH_BACK = 20.0  # Of two slabs: few things are, and with a leaning one they imitate what is a little uneven.
-_COVERS = 0.1  # Logarithm of the ratio of their lengths.
+_SIDEWAYS, _COVERS = 10.0, 0.1  # Of one that is turned by a right angle; logarithm of the ratio of their lengths.
 
 CARRIED = ("microwave", "wall_cabinet")
 """Furniture that stands on furniture, or hangs."""
@@ -106,9 +106,9 @@ def prior_cost(guess: PoseHypothesis, around: Neighbourhood) -> float:
         cost += 0.5 * (beyond / sigma) ** 2
     ahead = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
     facing = _dot(ahead, (guess.x_m, guess.y_m)) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
-    away = (entry.category in _FRONTED or entry.model == WITH_BACK) and facing < 0.0
+    away = entry.category in _FRONTED and facing < 0.0
     cost += _TURNED_AWAY if away else 0.0
-    cost += _back_cost(guess) if entry.model == WITH_BACK else 0.0
+    cost += _back_cost(guess, facing) if entry.model == WITH_BACK else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # An open door has room to open.
@@ -211,14 +211,20 @@ def _top_of(entry: ModelEntry) -> tuple[float, float, float, float, float] | Non
     return float(z) / height, float(x) / length, float(y) / width, float(half_x) / length, float(half_y) / width
 
 
-def _back_cost(guess: PoseHypothesis) -> float:
-    """Return the cost of a slab with a back; what folds, such as a laptop, has two that cover each other."""
+def _back_cost(guess: PoseHypothesis, facing: float) -> float:
+    """Return the cost of a slab with a back; what folds, such as a laptop, has two that cover each other.
+
+    Args:
+        guess: The hypothesis.
+        facing: Cosine between its own x axis and the view: screens are mostly seen from before them.
+    """
+    cost = _WITH_BACK + _SIDEWAYS * (1.0 - facing)
     if not is_folding(guess.entry.category):
-        return _WITH_BACK
+        return cost
     length, _, height = guess.size_m
     lean = float(str(dict(guess.parameters).get(LEAN.name, LEAN.default)))
     off = math.log(length * (1.0 - lean) / math.hypot(length * lean, height))
-    return _WITH_BACK + 0.5 * (off / _COVERS) ** 2
+    return cost + 0.5 * (off / _COVERS) ** 2
 
 
 def _is_over(piece: PoseHypothesis, x_m: float, y_m: float) -> bool:
