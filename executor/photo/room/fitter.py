@@ -136,7 +136,7 @@ class RoomFitter:
             around = room.around(index, hidden_by, by_box=by_box)
             points = room.points(detection, around)
             heights_m = bottoms_m or room.heights_m(detection, points)
-            shown = _shown(entries, around, is_raised=is_raised(room.observation, detection, heights_m[0]))
+            shown = _shown(entries, detection, around, heights_m[0])
             found = fit_thing(around, detection.box_px, shown, heights_m, points, rough=rough)
             if found is not None:
                 yield found
@@ -214,7 +214,11 @@ def as_named(found: Fit, detection: Detection) -> Fit:
     if detection.size_m is None:
         *sides, height = found.guess.size_m
         is_solid = height < _FLAT * min(sides) or min(sides) < _LEAST_HOLLOW_M
-        if found.guess.entry.model == "generic_open_box" and is_solid and not is_hollow(detection.label):
+        if (
+            found.guess.entry.model == "generic_open_box"
+            and is_solid
+            and not (is_hollow(detection.label) or is_unlidded(detection.label))
+        ):
             return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
     guess = replace(found.guess, size_m=detection.size_m)
@@ -243,8 +247,13 @@ def _hung_models(detection: Detection) -> list[ModelEntry]:
     return [] if is_known(category) and category != "bottom_cabinet" else generic_models(detection)
 
 
-def _shown(entries: Sequence[ModelEntry], around: SearchContext, *, is_raised: bool) -> Sequence[ModelEntry]:
+def _shown(
+    entries: Sequence[ModelEntry], detection: Detection, around: SearchContext, bottom_m: float
+) -> Sequence[ModelEntry]:
     """Return the models that the evidence can tell apart: a box alone shows no shape, but whether a laptop is open."""
     if entries[0].model in LIBRARY or around.observation.has_depth:
         return entries
-    return [one for one in entries if one.model == WITH_BACK] if is_raised else entries[:1]
+    if is_raised(around.observation, detection, bottom_m):
+        return [one for one in entries if one.model == WITH_BACK]
+    opened = [one for one in entries if one.model == "generic_open_box" and is_unlidded(detection.label)]
+    return opened or entries[:1]

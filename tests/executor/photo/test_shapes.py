@@ -396,7 +396,8 @@ def test_one_thing_has_its_hue_in_its_name_where_its_model_has_another_colour(
         ("drill", {"generic_open_cylinder"}),
         ("armchair", {"generic_open_cylinder", "generic_open_box", WITH_BACK}),
         ("laundry basket", {*SHAPES} - {"generic_open_cylinder", "generic_open_box"}),
-        ("mixing bowl", {*SHAPES} - {"generic_open_cylinder", "generic_open_box"}),
+        # It may lie upside down: depth decides.
+        ("mixing bowl", set()),
         ("glasses", {"generic_open_cylinder"}),
         ("old laptop", {*SHAPES} - {"generic_box", WITH_BACK}),
     ],
