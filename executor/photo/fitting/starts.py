@@ -42,7 +42,14 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.inputs.usual import is_folding, is_hollow, is_inset, is_unlidded, usual_height_m, usual_thickness_m
+from executor.photo.inputs.usual import (
+    is_folding,
+    is_hollow,
+    is_inset,
+    is_mostly_open,
+    usual_height_m,
+    usual_thickness_m,
+)
 from oag.model.symbols import Kind, is_known, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
@@ -87,7 +94,7 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     elif is_folding(detection.label):
         kept = {"generic_box", WITH_BACK}
     else:
-        kept = {*GENERIC} - (set() if is_unlidded(detection.label) else {"generic_open_cylinder"})
+        kept = {*GENERIC} - (set() if is_mostly_open(detection.label) else {"generic_open_cylinder"})
         if is_known(category) and kind_of(category, 0.0) is not Kind.ITEM:
             kept -= {"generic_open_box", WITH_BACK}
     return [entry for entry in entries if entry.model in kept]

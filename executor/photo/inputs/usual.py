@@ -40,6 +40,11 @@ def is_unlidded(label: str) -> bool:
     return any(one in _NAMES["unlidded"] for one in _endings(label))
 
 
+def is_mostly_open(label: str) -> bool:
+    """Return whether a thing of a name is open at the top where nothing shows that it is shut or upside down."""
+    return is_unlidded(label) or any(one in _NAMES["turnable"] for one in _endings(label))
+
+
 def is_folding(label: str) -> bool:
     """Return whether a thing of a name is a slab that opens into two, of which one stands up."""
     return any(one in _NAMES["folding"] for one in _endings(label))

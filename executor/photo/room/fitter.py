@@ -27,7 +27,7 @@ from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import feet_of, generic_models, is_raised, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.inputs.usual import is_hollow, is_unlidded
+from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
 from executor.photo.room.estimate import SAME_M, RoomEstimate, is_item, tops_of
 from executor.photo.room.hanging import hung
 from oag.model.symbols import has_boards, is_known
@@ -217,7 +217,7 @@ def as_named(found: Fit, detection: Detection) -> Fit:
         if (
             found.guess.entry.model == "generic_open_box"
             and is_solid
-            and not (is_hollow(detection.label) or is_unlidded(detection.label))
+            and not (is_hollow(detection.label) or is_mostly_open(detection.label))
         ):
             return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
@@ -255,5 +255,5 @@ def _shown(
         return entries
     if is_raised(around.observation, detection, bottom_m):
         return [one for one in entries if one.model == WITH_BACK]
-    opened = [one for one in entries if one.model == "generic_open_box" and is_unlidded(detection.label)]
+    opened = [one for one in entries if one.model == "generic_open_box" and is_mostly_open(detection.label)]
     return opened or entries[:1]

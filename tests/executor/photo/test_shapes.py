@@ -453,6 +453,7 @@ def test_the_open_and_the_closed_laptop_are_told_apart() -> None:
         ("cardboard box", 50.0, True, False),
         ("cardboard box", 50.0, False, True),
         ("box", 5.0, True, False),
+        ("bowl", 5.0, True, False),
     ],
 )
 def test_a_cardboard_box_stands_open_unless_depth_shows_its_top(
