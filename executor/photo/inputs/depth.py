@@ -50,7 +50,7 @@ MOST_DECODED_BYTES = 300_000_000
 
 _SAME_SHAPE = 0.02
 _ONE_SURFACE = 0.015  # Of the depth, between a measurement and halfway to the next one: more is a jump.
-_LEAST_DEPTHS = 64  # On a side.
+_LEAST_DEPTHS = 30  # On a side.
 _MOST_NAMES_BYTES = 64_000  # Of the directory of an .npz, which holds one array or a few.
 _FORMS = "a 16-bit PNG, .npz, .npy or .exr"
 _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}

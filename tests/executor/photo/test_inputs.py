@@ -252,7 +252,7 @@ REFUSED: dict[str, tuple[Refused, str, tuple[str, ...]]] = {
     "no picture": (lambda f: read_picture(f / "own.json"), "picture", ("cannot be read as a picture",)),
     "other shape": (lambda f: read_depth(f / "depth.png", (320, 200)), "depth", ("160 x 120", "registered")),
     "on its side": (lambda f: read_depth(f / "depth.png", (120, 160)), "depth", ("160 x 120", "turn it by 90")),
-    "hardly any": (lambda f: read_depth(_npy(f, (48, 64), "<f4"), (640, 480)), "depth", ("64 x 48", "64 to 4096")),
+    "hardly any": (lambda f: read_depth(_npy(f, (24, 32), "<f4"), (640, 480)), "depth", ("32 x 24", "30 to 4096")),
     "metres as mm": (lambda f: _depth(f, 3, "uint16"), "depth", ("0.003 m", "in m it would be one", "--depth-unit-m")),
     "mm as metres": (lambda f: _depth(f, 2500.0, "float32"), "depth", ("2500 m", "in mm or TUM (1/5000 m)")),
     "nothing measured": (lambda f: _depth(f, np.nan, "float32"), "depth", ("only 0.0 %",)),
