@@ -337,6 +337,9 @@ def _on_its_top(
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
+            if guess.bottom_m == 0.0 and bool((np.abs(local) > half).any()):
+                # What stands on the floor stays there, beside what is hardly higher.
+                continue
             own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
             c, s = abs(math.cos(own)), abs(math.sin(own))
             reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2

@@ -164,6 +164,9 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
         measured, doubts = depth_doubts(shown, measured, intrinsics)
+        if measured.of_px is not None:
+            sizes = " x ".join(map(str, measured.of_px)), " x ".join(map(str, shown.size_px))
+            doubts += (f"the depth of {sizes[0]} pixels is scaled to {sizes[1]}: what is thin or small may be lost",)
     # A network is slow and a model costs: all other inputs have been read by now, and a floor too far below is refused.
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
     if planes is not None:

@@ -270,12 +270,17 @@ _SHAPES = {
     "generic_box": Affordances(surface=True),
     "generic_cylinder": Affordances(surface=True),
     "generic_slab_on_legs": Affordances(surface=True),
+    "generic_slab_with_back": Affordances(surface=True),
     "generic_open_box": Affordances(interior=True),
+    "generic_open_cylinder": Affordances(interior=True),
     "carton": Affordances(surface=True),
     "book_lying": Affordances(surface=True),
 }
 """By the model, whatever things are called: a refrigerator that is there as a box alone has no door, and a carton is
 closed."""
+
+_OPEN_SHAPES = ("generic_slab_with_back",)
+"""Models of what stands open, whatever the facts: a laptop whose screen is up, beside a closed one."""
 
 
 def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:
@@ -361,8 +366,8 @@ class Surroundings:
         return False if known is None and atom.predicate in self.scene.closed else known
 
     def is_open(self, object_id: str) -> bool | None:
-        """Decide whether an object is open at the start; None where the scene does not say."""
-        return self.value(bddl.Atom("open", (object_id,)))
+        """Decide whether an object is open at the start, by its shape or a fact; None where the scene does not say."""
+        return self.scene.objects[object_id].model in _OPEN_SHAPES or self.value(bddl.Atom("open", (object_id,)))
 
     def supports(self, object_id: str) -> tuple[Support, ...]:
         """Return the stated supports of an object, containers first."""

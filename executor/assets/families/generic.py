@@ -1,4 +1,5 @@
-"""Generic shapes for things that the library has no model of: a box, a cylinder, an open box, a slab on legs.
+"""Generic shapes for things that the library has no model of: a box and a cylinder, both also open at the top, a
+slab on legs, and a slab with a slab that stands up from its back, as an open laptop.
 
 Each takes any size. A thing so keeps its own category, which decides whether it is an item or furniture; fingers close
 around the item if it is narrow enough, and things stand on its top or in its hollow.
@@ -12,14 +13,17 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
+from executor.assets.families.items import straight_cup
 from executor.assets.families.shapes import Color, box, box_item, cylinder, fixture, open_top, round_item, surface
 from executor.assets.model import Asset, Region, Shape, Vector
-from executor.assets.parameters import SAME_AS_WIDTH, ChoiceParameter, ModelEntry, Range, require_size
+from executor.assets.parameters import SAME_AS_WIDTH, ChoiceParameter, ModelEntry, NumericParameter, Range, require_size
 from oag import SceneObject
 from oag.model.symbols import Kind
 
 THING = "thing"
 """Category of what has no name."""
+
+WITH_BACK = "generic_slab_with_back"
 
 _COLORS: Mapping[str, Color] = {
     "grey": (0.30, 0.30, 0.30),
@@ -36,12 +40,14 @@ _COLORS: Mapping[str, Color] = {
     "pink": (0.75, 0.30, 0.42),
 }
 COLOR = ChoiceParameter("color", tuple(_COLORS))
+LEAN = NumericParameter("lean", 0.2, 0.0, 0.5)
 _SYNSET, _LINK = "object.n.01", "body"
 _LEAST_M: Vector = (0.002, 0.002, 0.002)
 _FRICTION, _ITEM_KG_M3 = 0.8, 400.0
 _WALL_SHARE, _WALL_M = 0.08, (0.001, 0.015)  # Of the shortest side; limits of an open box's wall.
 _TOP_SHARE, _TOP_M = 0.12, 0.04  # Of a slab's height; its largest thickness.
 _LEG_SHARE, _LEG_M = 0.15, 0.05  # Of the shorter side; the widest leg.
+_SLAB_SHARE, _SLAB_M, _BACK_KG_M3 = 0.1, 0.018, 100.0  # Of length or height; thickness and density as of laptops.
 
 
 def solid_box(obj: SceneObject) -> Asset:
@@ -69,6 +75,17 @@ def open_box(obj: SceneObject) -> Asset:
     return _made(obj, *open_top(_LINK, (x, y, z), t, _board(obj)))
 
 
+def open_cylinder(obj: SceneObject) -> Asset:
+    """Return an upright cylinder without a lid; its diameter is the smaller horizontal extent."""
+    x, y, z = _halves(obj)
+    made = straight_cup(obj, min(x, y), 2 * z, _LINK, _SYNSET, _COLORS[COLOR.read(obj)])
+    return (
+        made
+        if obj.kind is Kind.ITEM
+        else fixture(obj, _LINK, made.links[0].shapes, made.extent_m, _SYNSET, *made.regions)
+    )
+
+
 def slab_on_legs(obj: SceneObject) -> Asset:
     """Return a slab with a leg below each of its corners."""
     x, y, z = _halves(obj)
@@ -79,6 +96,27 @@ def slab_on_legs(obj: SceneObject) -> Asset:
     for left, near in itertools.product((-x, x - leg), (-y, y - leg)):
         shapes.append(board((left, near, -z), (left + leg, near + leg, z - thick)))
     return _made(obj, shapes, surface(_LINK, x, y, z))
+
+
+def slab_with_back(obj: SceneObject) -> Asset:
+    """Return a slab that lies, and one that stands up at its back (+x), and leans back by a share of its length.
+
+    Things stand on the one that lies. The other one is the lighter one: it leans over nothing.
+    """
+    x, y, z = _halves(obj)
+    thick = min(2 * _SLAB_SHARE * min(x, z), _SLAB_M)
+    back = x - 2 * x * LEAN.read(obj)
+    corners = [(at, side, level) for at, level in ((back, -z), (x, z)) for side in (-y, y)]
+    upright = Shape(
+        "convex",
+        color=_COLORS[COLOR.read(obj)],
+        friction=_FRICTION,
+        density_kg_m3=_BACK_KG_M3,
+        vertices_m=tuple((at - off, side, level) for at, side, level in corners for off in (0.0, thick)),
+    )
+    front = (back - thick + x) / 2
+    top = surface(_LINK, front, y, thick - z, x_m=front - x)
+    return _made(obj, [_board(obj)((-x, -y, -z), (back, y, thick - z)), upright], top)
 
 
 def _halves(obj: SceneObject) -> Vector:
@@ -98,7 +136,7 @@ def _made(obj: SceneObject, shapes: Sequence[Shape], region: Region) -> Asset:
     return make(obj, _LINK, shapes, extent_m, _SYNSET, region)
 
 
-_SIDE, _HEIGHT = Range(0.01, 3.0), Range(0.01, 2.5)
+_SIDE, _HEIGHT, _LONG = Range(0.01, 3.0), Range(0.01, 2.5), Range(0.06, 1.0)
 GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
     {
         entry.model: entry
@@ -106,7 +144,9 @@ GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
             ModelEntry("generic_box", THING, _SYNSET, solid_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_cylinder", THING, _SYNSET, solid_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_open_box", THING, _SYNSET, open_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry("generic_open_cylinder", THING, _SYNSET, open_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _LONG, _LONG, _LONG, (COLOR, LEAN)),
         )
     }
 )

@@ -63,7 +63,7 @@ _EAR_PIECES, _EAR_M = 5, 0.009
 def cup(obj: SceneObject) -> Asset:
     """Return a cup; its diameter is the smaller horizontal extent."""
     length, width, height = require_size(obj, (0.03, 0.03, 0.03))
-    return _cup(obj, min(length, width) / 2, height, "cup", "cup.n.01", _CUP_COLORS[CUP_COLOR.read(obj)])
+    return straight_cup(obj, min(length, width) / 2, height, "cup", "cup.n.01", _CUP_COLORS[CUP_COLOR.read(obj)])
 
 
 def mug(obj: SceneObject) -> Asset:
@@ -74,7 +74,7 @@ def mug(obj: SceneObject) -> Asset:
         least = width + 1.5 * _EAR_M
         raise AssetError(obj, f"its x extent is {length:.3f} m", f"the mug's ear needs at least {least:.3f} m")
     color = _CUP_COLORS[CUP_COLOR.read(obj)]
-    body = _cup(obj, width / 2, height, "mug", "mug.n.04", color)
+    body = straight_cup(obj, width / 2, height, "mug", "mug.n.04", color)
     link = replace(body.links[0], shapes=(*body.links[0].shapes, *_ear(width / 2, reach, height, color)))
     # The ear belongs to the mug's box, whose middle is therefore beside the axis of the body.
     return replace(
@@ -86,7 +86,8 @@ def mug(obj: SceneObject) -> Asset:
     )
 
 
-def _cup(obj: SceneObject, radius: float, height: float, name: str, synset: str, color: Color) -> Asset:
+def straight_cup(obj: SceneObject, radius: float, height: float, name: str, synset: str, color: Color) -> Asset:
+    """Return a round vessel with an upright wall, which fingers can take at its rim."""
     low, high, wall = -height / 2, height / 2, _CUP_WALL_M
     inner, floor, foot, step = radius - wall, low + wall, 0.93 * radius, 0.04 * (high - low)
     solid = shell(

@@ -268,7 +268,7 @@ _HUES = (
     (361.0, "red"),
 )
 """Where the hue of each basic colour term ends [deg]."""
-_HUE_NAMES = {name for _, name in _HUES}
+HUES = frozenset(name for _, name in _HUES)
 
 _BLACK, _WHITE, _COLOURLESS, _FAINT, _PALE, _DARK = 0.22, 0.68, 0.15, 0.10, 0.35, 0.38
 _SHARE_OF_LIGHT = 0.15
@@ -307,7 +307,7 @@ def with_colour(evidence: PixelEvidence, guess: PoseHypothesis) -> PoseHypothesi
     if option is None:
         return guess
     median = median_colour(evidence, guess) if guess.entry.model in GENERIC else None
-    if median is not None and (term := colour_name(median)) in _HUE_NAMES:
+    if median is not None and (term := colour_name(median)) in HUES:
         return guess.with_parameters(**{_OPTION: term})
     rated = []
     for word in option.words:

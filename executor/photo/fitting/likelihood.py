@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.families.generic import GENERIC
+from executor.assets.families.generic import GENERIC, LEAN, WITH_BACK
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
@@ -23,7 +23,7 @@ from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Size, is_round, largest_m, raycaster_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.usual import usual_height_m, usual_thickness_m
+from executor.photo.inputs.usual import is_folding, usual_height_m, usual_thickness_m
 from executor.scenes.models import ABSURD
 from oag.model.symbols import Kind, has_boards, kind_of
 
@@ -60,6 +60,9 @@ _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """Furniture that mostly stands with its back to a wall."""
+
+_WITH_BACK = 20.0  # Of two slabs: few things are, and with a leaning one they imitate what is a little uneven.
+_SIDEWAYS, _COVERS = 10.0, 0.1  # Of one that is turned by a right angle; logarithm of the ratio of their lengths.
 
 CARRIED = ("microwave", "wall_cabinet")
 """Furniture that stands on furniture, or hangs."""
@@ -105,6 +108,7 @@ def prior_cost(guess: PoseHypothesis, around: Neighbourhood) -> float:
     facing = _dot(ahead, (guess.x_m, guess.y_m)) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
     away = entry.category in _FRONTED and facing < 0.0
     cost += _TURNED_AWAY if away else 0.0
+    cost += _back_cost(guess, facing) if entry.model == WITH_BACK else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # An open door has room to open.
@@ -205,6 +209,22 @@ def _top_of(entry: ModelEntry) -> tuple[float, float, float, float, float] | Non
     (x, y, z), (half_x, half_y) = T[:3, 3], half
     length, width, height = size_m
     return float(z) / height, float(x) / length, float(y) / width, float(half_x) / length, float(half_y) / width
+
+
+def _back_cost(guess: PoseHypothesis, facing: float) -> float:
+    """Return the cost of a slab with a back; what folds, such as a laptop, has two that cover each other.
+
+    Args:
+        guess: The hypothesis.
+        facing: Cosine between its own x axis and the view: screens are mostly seen from before them.
+    """
+    cost = _WITH_BACK + _SIDEWAYS * (1.0 - facing)
+    if not is_folding(guess.entry.category):
+        return cost
+    length, _, height = guess.size_m
+    lean = float(str(dict(guess.parameters).get(LEAN.name, LEAN.default)))
+    off = math.log(length * (1.0 - lean) / math.hypot(length * lean, height))
+    return cost + 0.5 * (off / _COVERS) ** 2
 
 
 def _is_over(piece: PoseHypothesis, x_m: float, y_m: float) -> bool:

@@ -109,7 +109,7 @@ def _fixed(entry: ModelEntry, axis: int) -> bool:
 
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Visible through an open door.
-_DETAILS = ("handle_height_m", "handle_length_m")
+_DETAILS = ("handle_height_m", "handle_length_m", "lean")
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
 _DETAIL_STEPS = (0.12, 0.06)
 _OPEN = "open_fraction"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from executor.assets.families.generic import GENERIC, THING
+from executor.assets.families.generic import GENERIC, THING, WITH_BACK
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
@@ -42,7 +42,14 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.inputs.usual import is_hollow, is_inset, usual_height_m, usual_thickness_m
+from executor.photo.inputs.usual import (
+    is_folding,
+    is_hollow,
+    is_inset,
+    is_mostly_open,
+    usual_height_m,
+    usual_thickness_m,
+)
 from oag.model.symbols import Kind, is_known, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
@@ -53,7 +60,7 @@ LEAST_POINTS = 12
 """Of a thing: fewer have neither size nor turn."""
 
 _GAP_M = 0.05
-_HEADINGS, _ASKEW_HEADINGS = 8, 24
+_HEADINGS = 8
 _UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
@@ -64,6 +71,7 @@ _SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box 
 _LOW = 0.6  # Share of the usual height of a low model.
 _LOWEST, _FLATTEST_M = 0.15, 0.01  # Share of its width, and height, of a thing of which hardly a side is seen.
 _LYING = (0.3, 0.7, 1.4)  # Lengths of what lies flat, as shares of its width.
+_TALLER, _FOLDED_M = 1.3, 0.33  # Times as high as what lies there; usual width of what the picture's border cuts.
 _ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
 
@@ -76,15 +84,20 @@ def named_models(detection: Detection) -> list[ModelEntry]:
 def generic_models(detection: Detection) -> list[ModelEntry]:
     """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is.
 
-    What is furniture by its name is no open box: it has a top, which may only look hollow. What is hollow by its name,
-    such as a sink, is nothing else.
+    What is furniture by its name is no open box, and no slab with a back: it has a top, which may only look so. What is
+    hollow by its name, such as a sink, is an open box or cylinder, and only that is. A laptop is open or shut.
     """
     category = plain_name(detection.label) or THING
     entries = [replace(entry, category=category) for entry in GENERIC.values()]
     if is_hollow(detection.label):
-        return [entry for entry in entries if entry.model == "generic_open_box"]
-    is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM
-    return [entry for entry in entries if not (is_furniture and entry.model == "generic_open_box")]
+        kept = {"generic_open_box", "generic_open_cylinder"}
+    elif is_folding(detection.label):
+        kept = {"generic_box", WITH_BACK}
+    else:
+        kept = {*GENERIC} - (set() if is_mostly_open(detection.label) else {"generic_open_cylinder"})
+        if is_known(category) and kind_of(category, 0.0) is not Kind.ITEM:
+            kept -= {"generic_open_box", WITH_BACK}
+    return [entry for entry in entries if entry.model in kept]
 
 
 def stands_on_floor(detection: Detection) -> bool:
@@ -290,6 +303,19 @@ def foot_of(observation: Observation, box_px: tuple[float, float, float, float],
     ray = observation.rays[row, column]
     share = (bottom_m - observation.eye_m[2]) / ray[2] if ray[2] < -1e-3 else math.inf
     return np.asarray((observation.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
+
+
+def is_raised(observation: Observation, thing: Detection, bottom_m: float) -> bool:
+    """Return whether a thing that folds is taller in the picture than it would be if it lay there, as deep as wide."""
+    (x0, y0, x1, y1), foot = thing.box_px, foot_of(observation, thing.box_px, bottom_m)
+    if not is_folding(thing.label) or foot is None:
+        return is_folding(thing.label)
+    far_m = float(np.linalg.norm(foot))
+    is_cut = x0 < 1.0 or x1 > observation.size_px[0] - 1.0
+    wide_m = max((x1 - x0) / observation.K.fx * far_m, _FOLDED_M if is_cut else 0.0)
+    end = foot * (1.0 + wide_m / max(far_m, 1e-6))
+    lying_px = y1 - float(observation.pixels(np.array([*end, bottom_m]))[0, 1])
+    return bool(y1 - y0 > _TALLER * lying_px)
 
 
 def feet_of(observation: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes, top_direction
+from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_by_walls, level_planes, top_direction
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import HEIGHTS_M, CameraFacts, Intrinsics, Photograph
@@ -174,6 +174,7 @@ _SEATS_M = {"bed": 0.5, "sofa": 0.42, "armchair": 0.42, "chair": 0.45, "ottoman"
 """Usual heights of what people sit or lie on."""
 
 _NOTHING_BELOW_M = 0.1  # Of what is measured, below a floor that is near the camera.
+_HARDLY_M2 = 0.02  # Of level planes: they have no direction.
 _CLEARER = 10.0  # Times as large as what seems level by the picture's upwards.
 _ON_TOP, _LEAST_LOWER_M = 0.8, 0.25  # Share of a plane in the box of its table; of a floor, below a top in that box.
 _AS_GIVEN = 0.1  # Share by which people are off with the height of a camera.
@@ -298,6 +299,8 @@ def planes_below(
 ) -> LevelPlanes | None:
     """Return the level planes of a picture, by a detected table's top where the camera looks down or is turned.
 
+    A top that is seen too flat, with nothing else that is level, is told by walls and by the things on it.
+
     Args:
         found: The planes of a camera that is held upright, if any; those below a table have to be far larger.
         depth, camera: The input.
@@ -309,6 +312,9 @@ def planes_below(
         turned = None if about is None else level_planes(depth, camera, about)
         if turned is not None and (found is None or turned.area_m2 > _CLEARER * found.area_m2):
             return turned
+        is_hardly = found is None or found.area_m2 < _HARDLY_M2
+        if is_hardly and (flat := level_by_walls(depth, camera, table.box_px, others)) is not None:
+            return flat
     return found
 
 

@@ -34,6 +34,7 @@ _ASIDE = math.sin(math.radians(75.0))  # A second direction is about square to t
 _GIVEN_RAD = math.radians(12.0)  # Between a given vertical and that of the depth.
 _LEVEL_RAD = (math.radians(7.0), math.radians(15.0))  # Error of a neighbourhood's direction, and if noise is strong.
 _OF_TOP, _CARRIED = 0.6, 2  # Share of a table's own cells that its top has; boxes in that of the table.
+_OF_EACH_WALL, _OF_WALLS = 0.05, 0.5  # Shares of all cells: upright ones of one direction, and of both.
 _LEAST_CELLS, _LEAST_OF_PLANE, _LARGE_M2 = 50, (50, 20), 0.1
 _BIN_M, _APART_M, _MOST = 0.01, 0.12, 6  # Heights are counted in bins; planes nearer to each other are one.
 _LEAST_PLANE = 0.01  # Of the level cells: less is no plane.
@@ -152,9 +153,10 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
     """
     rays = camera.rays((depth.z_m.shape[1], depth.z_m.shape[0]))
     cells = _Cells.of(depth.z_m, rays, camera)
-    found = _vertical(cells.normals, about)
-    if found is None:
+    frame = _square_frame(cells.normals, about)
+    if frame is None:
         return None
+    found = frame[0]
     planes = _planes(cells, found)
     for _ in range(_ROUNDS):
         if not planes:
@@ -163,6 +165,36 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
         planes = _planes(cells, found)
     deepest_m = float(np.percentile(-(cells.points_m @ found), 99.0))
     return LevelPlanes(found, tuple(planes), deepest_m) if planes else None
+
+
+def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px: Sequence[Box]) -> LevelPlanes | None:
+    """Return the top of a support that is seen too flat to be a plane, with the vertical of walls; None if unsure.
+
+    The vertical is that of walls and fronts in two directions. The top is where the boxes of things on it end.
+
+    Args:
+        depth, camera: The input.
+        support_px: The support's box.
+        others_px: Boxes of other things.
+    """
+    rays = camera.rays((depth.z_m.shape[1], depth.z_m.shape[0]))
+    cells = _Cells.of(depth.z_m, rays, camera)
+    frame = _square_frame(cells.normals, None, is_level_seen=False)
+    if frame is None:
+        return None
+    faced = (np.abs(cells.normals @ frame[1:].T) > math.cos(_SQUARE_RAD)).mean(axis=0)
+    if faced.min() < _OF_EACH_WALL or faced.sum() < _OF_WALLS:
+        return None
+    ends = np.array([((x0 + x1) / 2, y1) for x0, _, x1, y1 in others_px]).reshape(-1, 2)
+    ends = ends[_in_box(ends, support_px)]
+    columns, rows = np.minimum(ends.astype(int), np.array(depth.z_m.shape[::-1]) - 1).T
+    z, slope = depth.z_m[rows, columns], -(rays[rows, columns] @ frame[0])
+    heights = (z * slope)[z > 0.0]
+    if len(heights) < _CARRIED:
+        return None
+    height_m = float(np.median(heights))
+    top = LevelPlane(height_m, 0.0, float(np.median(np.abs(heights - height_m))), ends[z > 0.0])
+    return LevelPlanes(frame[0], (top,), float(np.percentile(-(cells.points_m @ frame[0]), 99.0)))
 
 
 def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
@@ -194,8 +226,14 @@ def _in_box(pixels: Array, box_px: Box) -> NDArray[np.bool_]:
     return np.asarray((pixels >= box_px[:2]).all(axis=1) & (pixels <= box_px[2:]).all(axis=1))
 
 
-def _vertical(normals: Array, about: Array | None) -> Array | None:
-    """Return (3,) which of the three square directions that most normals (N, 3) face is upwards; None without any."""
+def _square_frame(normals: Array, about: Array | None, *, is_level_seen: bool = True) -> Array | None:
+    """Return (3, 3) the square directions that most normals (N, 3) face, the first of them upwards; None without any.
+
+    Args:
+        normals: Of neighbourhoods.
+        about: (3,) the vertical as people give it.
+        is_level_seen: Whether floors and tops tell which direction is upwards; else it is the nearest to the picture's.
+    """
     if len(normals) < _LEAST_CELLS:
         return None
     counted = normals[np.linspace(0, len(normals) - 1, min(_COUNTED, len(normals))).astype(int)]
@@ -218,7 +256,8 @@ def _vertical(normals: Array, about: Array | None) -> Array | None:
         along = counted @ frame.T
         count = int((np.abs(along) > math.cos(_SQUARE_RAD)).sum())
         # Of what goes upwards in the picture, floors and tops face that way, and walls the other one.
-        faced = np.where(frame @ upwards > least, (along > math.cos(_SQUARE_RAD)).sum(axis=0), 0)
+        level = (along > math.cos(_SQUARE_RAD)).sum(axis=0) if is_level_seen else frame @ upwards
+        faced = np.where(frame @ upwards > least, level, 0)
         if count > most and faced.max() > 0:
             most, best = count, np.roll(frame, -int(faced.argmax()), axis=0)
     if best is None:
@@ -232,7 +271,8 @@ def _vertical(normals: Array, about: Array | None) -> Array | None:
             means[axis] = (normals[faces] * np.sign(one[faces, None])).sum(axis=0) / (faces.sum() + _LEAST_CELLS)
         left, _, right = np.linalg.svd(means)
         best = left @ right
-    return np.asarray(best[0])
+    # Where nothing is level, only the two others have a sign.
+    return np.asarray(best * np.sign(best[0] @ upwards))
 
 
 def _planes(cells: _Cells, up: Array) -> list[LevelPlane]:

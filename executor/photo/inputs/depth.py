@@ -49,6 +49,8 @@ MOST_DECODED_BYTES = 300_000_000
 """Of a file of depths when it is unpacked: 4096 x 4096 pixels of four channels."""
 
 _SAME_SHAPE = 0.02
+_ONE_SURFACE = 0.015  # Of the depth, between a measurement and halfway to the next one: more is a jump.
+_LEAST_DEPTHS = 30  # On a side.
 _MOST_NAMES_BYTES = 64_000  # Of the directory of an .npz, which holds one array or a few.
 _FORMS = "a 16-bit PNG, .npz, .npy or .exr"
 _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
@@ -65,12 +67,14 @@ class Depth:
             surfaces
             are bent. 0 for measured depth.
         camera: Intrinsics that the depth is for, if a network guessed them from the picture as well.
+        of_px: Width and height that it was measured with, if these are not the picture's.
     """
 
     z_m: Array
     source: str
     depth_distortion: float = 0.0
     camera: Intrinsics | None = None
+    of_px: tuple[int, int] | None = None
 
 
 DepthSource: TypeAlias = Callable[[Photograph, Intrinsics | None], Depth]
@@ -96,11 +100,11 @@ def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None
     Args:
         path: A 16-bit PNG (millimetres, unless a unit is given), a NumPy array (`.npy`, or `.npz` with one
             array or one called `depth`; whole numbers are millimetres, others metres), or an EXR in metres.
-        size_px: Width and height of the picture.
+        size_px: Width and height of the picture; a depth of another size, shaped alike, is scaled to it.
         unit_m: Size of one step [m], such as 0.0002 for the TUM sets.
 
     Raises:
-        PhotoRefused: It cannot be read, is of another size, measures almost nothing, or is in another unit.
+        PhotoRefused: It cannot be read, is shaped otherwise, measures almost nothing, or is in another unit.
         OSError: The file cannot be read.
     """
     values = _values(path, size_px)
@@ -120,9 +124,9 @@ def checked_depth(path: Path, values: np.ndarray, size_px: tuple[int, int], unit
         source: The file and its unit, for people.
 
     Raises:
-        PhotoRefused: It is of another size, measures almost nothing, or is in another unit.
+        PhotoRefused: It is shaped otherwise, measures almost nothing, or is in another unit.
     """
-    _require_size(path, values.shape[::-1], size_px)
+    _require_shape(path, values.shape[::-1], size_px)
     numbers = np.where(np.isfinite(values), values, 0).astype(float)
     measured = numbers > 0.0
     if measured.mean() < _LEAST_MEASURED:
@@ -135,7 +139,27 @@ def checked_depth(path: Path, values: np.ndarray, size_px: tuple[int, int], unit
         raise PhotoRefused("depth", path, problem, hint)
     z_m = numbers * unit_m
     z_m[(z_m < NEAREST_M) | (z_m > FARTHEST_M)] = 0.0
-    return Depth(z_m, source)
+    if values.shape[::-1] == size_px:
+        return Depth(z_m, source)
+    height, width = values.shape
+    return Depth(_resized(z_m, size_px), f"{source}, {width} x {height} pixels", of_px=(width, height))
+
+
+def _resized(z_m: Array, size_px: tuple[int, int]) -> Array:
+    """Return depths (H, W) in another size: by the nearest neighbour, and linear in between on one surface.
+
+    Inverse depth is linear in the picture on a plane. Across a jump nothing is known but the two sides of it.
+    """
+
+    def scaled(values: Array, how: Image.Resampling) -> Array:
+        return np.asarray(Image.fromarray(values.astype(np.float32)).resize(size_px, how), dtype=float)
+
+    inverse = np.where(z_m > 0.0, 1.0 / np.maximum(z_m, NEAREST_M), 0.0)
+    nearest = scaled(inverse, Image.Resampling.NEAREST)
+    between = nearest if z_m.shape[1] > size_px[0] else scaled(inverse, Image.Resampling.BILINEAR)
+    is_one = np.abs(between - nearest) < _ONE_SURFACE * nearest
+    found = np.where(is_one, between, nearest)
+    return np.where(found > 0.0, 1.0 / np.maximum(found, 1.0 / FARTHEST_M), 0.0)
 
 
 def read_exr(path: Path) -> np.ndarray:
@@ -199,14 +223,14 @@ def _too_much(path: Path, size: int) -> PhotoRefused:
 
 
 def _values(path: Path, size_px: tuple[int, int]) -> np.ndarray:
-    """Return the numbers of a file; they are unpacked only if its header has the picture's size."""
+    """Return the numbers of a file; they are unpacked only if its header has the picture's shape."""
     if path.suffix.lower() == ".exr":
         return read_exr(path)
     content = read_file(path, "depth")
     if path.suffix.lower() in (".npy", ".npz"):
         return _array(path, content, size_px)
     with opened_picture(path, content, "depth", _FORMS) as image:
-        _require_size(path, image.size, size_px)
+        _require_shape(path, image.size, size_px)
         image.load()
         values = np.asarray(image)
     if values.ndim != 2 or values.dtype == np.uint8 or values.dtype == bool:
@@ -239,7 +263,7 @@ def _array(path: Path, content: bytes, size_px: tuple[int, int]) -> np.ndarray:
 
 
 def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expected: str) -> np.ndarray:
-    """Read a NumPy array of at most the size in its header, if that is the picture's size."""
+    """Read a NumPy array of at most the size in its header, if that is shaped as the picture."""
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"version {version[0]}.{version[1]} of its form has no plain numbers")
@@ -249,7 +273,7 @@ def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expect
         raise ValueError("it holds objects of Python, which could run code")
     if len(shape) != 2 or kind.kind not in "uif":
         raise PhotoRefused("depth", path, f"its array has shape {shape} of {kind}", expected)
-    _require_size(path, shape[::-1], size_px)
+    _require_shape(path, shape[::-1], size_px)
     size = shape[0] * shape[1] * kind.itemsize
     content = stream.read(size)
     if len(content) < size:
@@ -265,18 +289,18 @@ def _require_few_names(content: bytes) -> None:
         raise ValueError("it is no .npz, or has very many arrays")
 
 
-def _require_size(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> None:
-    """Refuse depth of another size than the picture."""
-    if tuple(got) == size_px:
-        return
+def _require_shape(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> None:
+    """Refuse depth that is shaped otherwise than the picture, or has far fewer or more pixels."""
     shown, (width, height) = " x ".join(map(str, got)), size_px
     problem = f"the depth is {shown} pixels, the picture {width} x {height}"
-    if tuple(got) == (height, width):
-        hint = "it lies on its side: turn it by 90 degrees, as the picture is when its EXIF has turned it upright"
-    elif abs(got[0] * height - got[1] * width) > _SAME_SHAPE * abs(got[1]) * width:
+    if abs(got[0] * height - got[1] * width) > _SAME_SHAPE * abs(got[1]) * width:
         hint = "it is shaped otherwise: give it as the picture's own camera has it (registered), and cut as that is"
+        if abs(got[1] * height - got[0] * width) <= _SAME_SHAPE * abs(got[0]) * width:
+            hint = "it lies on its side: turn it by 90 degrees, as the picture is when its EXIF has turned it upright"
+    elif not (min(got) >= min(_LEAST_DEPTHS, *size_px) and max(got) <= MOST_SIDE_PX):
+        hint = f"expected {_LEAST_DEPTHS} to {MOST_SIDE_PX} on a side"
     else:
-        hint = "scale one to the other, depth by nearest neighbours"
+        return
     raise PhotoRefused("depth", path, problem, hint)
 
 
@@ -368,15 +392,10 @@ def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
 def _together(
     source: Path, picture: Photograph, values: np.ndarray, metadata: Mapping[str, Any], number: int
 ) -> Capture:
-    """Join a picture and its smaller depth, enlarged by nearest neighbours: values in between are unknown."""
-    width, height = picture.size_px
-    depth = np.asarray(
-        Image.fromarray(np.nan_to_num(values.astype(np.float32))).resize((width, height), Image.Resampling.NEAREST)
-    )
-    description = f"frame {number} of {source.name}, {values.shape[1]} x {values.shape[0]} depths in metres"
-    return Capture(
-        picture, checked_depth(source, depth, picture.size_px, 1.0, description), _camera(metadata, picture, number)
-    )
+    """Join a picture and its smaller depth."""
+    description = f"frame {number} of {source.name}, depths in metres"
+    depth = checked_depth(source, values, picture.size_px, 1.0, description)
+    return Capture(picture, depth, _camera(metadata, picture, number))
 
 
 def _camera(metadata: Mapping[str, Any], picture: Photograph, number: int) -> Intrinsics | None:

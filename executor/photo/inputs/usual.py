@@ -10,8 +10,7 @@ from executor.photo.inputs.annotations import plain_name
 from oag.model.symbols import Kind, is_known, kind_of
 
 _USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
-_CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
-_OTHERWISE = frozenset(_USUAL["otherwise"]["names"])
+_NAMES = {key: frozenset(part["names"]) for key, part in _USUAL.items() if "names" in part}
 _WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word; a `wall cabinet` is furniture.
 
 
@@ -28,17 +27,32 @@ def hung_depth_m(label: str) -> float | None:
 
 def carries(label: str) -> bool:
     """Return whether things usually stand on an item of a name: on a tray, not on a keyboard."""
-    return any(one in _CARRIERS for one in _endings(label))
+    return any(one in _NAMES["carriers"] for one in _endings(label))
 
 
 def is_hollow(label: str) -> bool:
     """Return whether a thing of a name is open at the top."""
-    return any(one in _HOLLOWS for one in _endings(label))
+    return any(one in _NAMES["hollows"] for one in _endings(label))
+
+
+def is_unlidded(label: str) -> bool:
+    """Return whether a thing of a name, which may have a lid, mostly stands open at the top."""
+    return any(one in _NAMES["unlidded"] for one in _endings(label))
+
+
+def is_mostly_open(label: str) -> bool:
+    """Return whether a thing of a name is open at the top where nothing shows that it is shut or upside down."""
+    return is_unlidded(label) or any(one in _NAMES["turnable"] for one in _endings(label))
+
+
+def is_folding(label: str) -> bool:
+    """Return whether a thing of a name is a slab that opens into two, of which one stands up."""
+    return any(one in _NAMES["folding"] for one in _endings(label))
 
 
 def is_inset(label: str) -> bool:
     """Return whether a thing of a name is let into a top, as a sink is."""
-    return any(one in _INSET for one in _endings(label))
+    return any(one in _NAMES["inset"] for one in _endings(label))
 
 
 def usual_thickness_m(label: str) -> float | None:
@@ -62,4 +76,4 @@ def _endings(label: str) -> list[str]:
     """
     words = _words(label)
     both, last = ([one, one.removesuffix("s"), one.removesuffix("es")] for one in ("_".join(words[-2:]), words[-1]))
-    return both if not _OTHERWISE.isdisjoint(both) else [*both, *last]
+    return both if not _NAMES["otherwise"].isdisjoint(both) else [*both, *last]

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.families.generic import THING
-from executor.assets.library import LIBRARY
+from executor.assets.families.generic import THING, WITH_BACK
+from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.errors import LostCause
@@ -21,13 +21,13 @@ from executor.photo.fitting.fit import (
     fit_thing,
     update_fit,
 )
-from executor.photo.fitting.hypothesis import raycaster_of
-from executor.photo.fitting.likelihood import Fit, SearchContext, usual_size_m
+from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
+from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext, usual_size_m
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import feet_of, generic_models, named_models, stands_on_floor
+from executor.photo.fitting.starts import feet_of, generic_models, is_raised, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection, plain_name
-from executor.photo.inputs.usual import is_hollow
+from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
 from executor.photo.room.estimate import SAME_M, RoomEstimate, is_item, tops_of
 from executor.photo.room.hanging import hung
 from oag.model.symbols import has_boards, is_known
@@ -35,7 +35,10 @@ from oag.model.symbols import has_boards, is_known
 LEAST_IN_BOX = 0.5
 """IoU of a box with the visible part of its fit: with less, something else is fitted, or elsewhere."""
 
-_FLAT = 0.25  # Of its narrower side: what is lower is a magazine or a plate, and no open box.
+_FLAT, _LEAST_HOLLOW_M = 0.25, 0.03
+"""Least height of an open box by its narrower side, and that side: else it is a magazine, a plate or a pen."""
+
+_AS_GOOD = 1.1  # Times the cost of a closed box: so little tells nothing of its top.
 _HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
 _SHARES = tuple(sorted((1.05**step for step in range(-20, 21)), key=lambda share: abs(math.log(share))))
 """Of a distance, tried where a thing is beside its top: the least change first."""
@@ -67,13 +70,13 @@ class RoomFitter:
         before = room.remove_fit(index)
         around = room.around(index, hidden_by)
         if (on_wall := hung(room, index, around)) is not None:
-            return room.add_fit(index, _of_size(on_wall, detection))
+            return room.add_fit(index, as_named(on_wall, detection))
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
-            return room.add_fit(index, _of_size(update_fit(around, detection.box_px, before), detection))
+            return room.add_fit(index, as_named(update_fit(around, detection.box_px, before), detection))
         best: Fit | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
-            found = self._over_its_top(detection, _of_size(one, detection))
+            found = self._over_its_top(detection, as_named(one, detection))
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
@@ -96,7 +99,7 @@ class RoomFitter:
         found = found or self._hung(index, room.around(index))
         if found is None:
             return
-        room.add_fit(index, _of_size(found, room.detections[index]))
+        room.add_fit(index, as_named(found, room.detections[index]))
         room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
 
     def judge(self, index: int) -> str:
@@ -133,7 +136,8 @@ class RoomFitter:
             around = room.around(index, hidden_by, by_box=by_box)
             points = room.points(detection, around)
             heights_m = bottoms_m or room.heights_m(detection, points)
-            found = fit_thing(around, detection.box_px, _shown(entries, around), heights_m, points, rough=rough)
+            shown = _shown(entries, detection, around, heights_m[0])
+            found = fit_thing(around, detection.box_px, shown, heights_m, points, rough=rough)
             if found is not None:
                 yield found
 
@@ -193,18 +197,40 @@ class RoomFitter:
         return False
 
 
-def _of_size(found: Fit, detection: Detection) -> Fit:
-    """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow."""
+def as_named(found: Fit, detection: Detection) -> Fit:
+    """Return a fit with the size that a person gave, as a box where its model has no such size or it has no hollow.
+
+    Of what mostly has no lid by its name it is the best open one, unless depth clearly shows a top.
+    """
+    if is_unlidded(detection.label):
+        most = _AS_GOOD * found.cost if math.isfinite(found.residual_m) else math.inf
+        opened = next((one for one in found.alternatives if _is_open(one.guess) and one.cost <= most), None)
+        if opened is not None and not _is_open(found.guess):
+            others = (
+                RatedHypothesis(found.guess, found.cost),
+                *(one for one in found.alternatives if one is not opened),
+            )
+            found = replace(found, guess=opened.guess, cost=opened.cost, alternatives=others)
     if detection.size_m is None:
         *sides, height = found.guess.size_m
-        is_flat = height < _FLAT * min(sides) and not is_hollow(detection.label)
-        if found.guess.entry.model == "generic_open_box" and is_flat:
+        is_solid = height < _FLAT * min(sides) or min(sides) < _LEAST_HOLLOW_M
+        if (
+            found.guess.entry.model == "generic_open_box"
+            and is_solid
+            and not (is_hollow(detection.label) or is_mostly_open(detection.label))
+        ):
             return replace(found, guess=replace(found.guess, entry=generic_models(detection)[0], parameters=()))
         return found
     guess = replace(found.guess, size_m=detection.size_m)
     if raycaster_of(guess) is None:
         guess = replace(guess, entry=generic_models(detection)[0], parameters=())
     return replace(found, guess=guess)
+
+
+def _is_open(guess: PoseHypothesis) -> bool:
+    """Return whether a hypothesis has a hollow, and no door before it."""
+    asset = asset_for(guess.as_object())
+    return not asset.joints and any(region.kind == "interior" for region in asset.regions)
 
 
 def _models(detection: Detection) -> list[ModelEntry]:
@@ -221,7 +247,13 @@ def _hung_models(detection: Detection) -> list[ModelEntry]:
     return [] if is_known(category) and category != "bottom_cabinet" else generic_models(detection)
 
 
-def _shown(entries: Sequence[ModelEntry], around: SearchContext) -> Sequence[ModelEntry]:
-    """Return the models that the evidence can tell apart: a box alone shows no shape."""
-    is_generic = entries[0].model not in LIBRARY
-    return entries[:1] if is_generic and not around.observation.has_depth else entries
+def _shown(
+    entries: Sequence[ModelEntry], detection: Detection, around: SearchContext, bottom_m: float
+) -> Sequence[ModelEntry]:
+    """Return the models that the evidence can tell apart: a box alone shows no shape, but whether a laptop is open."""
+    if entries[0].model in LIBRARY or around.observation.has_depth:
+        return entries
+    if is_raised(around.observation, detection, bottom_m):
+        return [one for one in entries if one.model == WITH_BACK]
+    opened = [one for one in entries if one.model == "generic_open_box" and is_mostly_open(detection.label)]
+    return opened or entries[:1]

@@ -9,7 +9,7 @@ from functools import partial
 from types import MappingProxyType
 
 from executor.photo.errors import LostCause
-from executor.photo.fitting.evidence import colour_name
+from executor.photo.fitting.evidence import HUES, colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.geometry.observation import Observation
@@ -17,6 +17,9 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
+
+_PATTERN, _MORE = 0.05, 4.0  # Share of a hue in what is seen of a thing; times that of any other of its name.
+_WARM = {"brown", "beige", "orange", "yellow"}  # One hue in different light.
 
 
 @dataclass(frozen=True)
@@ -203,14 +206,15 @@ class _Reconstruction:
 
 
 def _result(room: RoomEstimate) -> FittedRoom:
-    """Name the fitted objects; one among several of a name has its colour before it, if no other has that colour."""
+    """Name the fitted objects, with the colours before a name that tell it from others, or from its model's colour."""
     called = {
         index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
         for index, fit in room.fits.items()
     }
-    shown = {index: None if fit.colour is None else colour_name(fit.colour) for index, fit in room.fits.items()}
-    kinds = Counter((name, shown[index]) for index, name in called.items())
-    several = Counter(called.values())
+    coloured: dict[int, str] = {}
+    for name in {*called.values()}:
+        alike = [index for index, own in called.items() if own == name]
+        coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: _not_as_drawn(room.fits[alike[0]])}
     counts: Counter[str] = Counter()
     things, unfitted = [], []
     for index, detection in enumerate(room.detections):
@@ -218,9 +222,43 @@ def _result(room: RoomEstimate) -> FittedRoom:
         if fit is None:
             unfitted.append(Unfitted(detection, room.lost[index]))
             continue
-        name, colour = called[index], shown[index]
-        if several[name] > 1 and colour is not None and kinds[name, colour] == 1:
-            name = f"{colour}_{name}"
+        name = f"{coloured[index]}{called[index]}"
         things.append(FittedThing(f"{name}_{counts[name]}", detection, fit))
         counts[name] += 1
     return FittedRoom(tuple(things), tuple(unfitted), room.walls)
+
+
+def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
+    """Return the beginnings of the names of things of one name: the median colour, or a hue, that only one of them has.
+
+    A white bowl with a blue rim is the blue one beside a white one, and a dull mug with red flowers is red as well.
+    """
+    medians = {index: _colour_of(room.fits[index]) for index in alike}
+    shares = {index: room.hues(index) for index in alike}
+    hues: dict[int, str] = {}
+    for index in alike:
+        others = [shares[other] for other in alike if other != index]
+        for hue, share in shares[index].items():
+            rest = max(one.get(hue, 0.0) for one in others)
+            if share > max(_PATTERN, _MORE * rest) and share >= shares[index].get(hues.get(index, ""), 0.0):
+                hues[index] = hue
+    left = Counter(colour for index, colour in medians.items() if index not in hues)
+    held = Counter(medians.values())
+    begun: dict[int, str] = {}
+    for index, median in medians.items():
+        pattern = hues.get(index)
+        words = [median] if median and (held[median] == 1 or (pattern is None and left[median] == 1)) else []
+        if pattern is not None and not (words and (pattern == median or {pattern, median} <= _WARM)):
+            words.append(pattern)
+        begun[index] = "".join(f"{word}_" for word in words)
+    return begun
+
+
+def _not_as_drawn(fit: Fit) -> str:
+    """Return the beginning of the name of a thing whose model has no such colour as its pixels have."""
+    colour, drawn = _colour_of(fit), dict(fit.guess.parameters).get("color")
+    return f"{colour}_" if drawn not in (None, colour) and colour in HUES.difference(_WARM) else ""
+
+
+def _colour_of(fit: Fit) -> str:
+    return "" if fit.colour is None else colour_name(fit.colour)

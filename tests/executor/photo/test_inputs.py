@@ -105,6 +105,27 @@ def test_depth_is_the_same_in_every_form(folder: Path, name: str) -> None:
     assert name != "depth.png" or found.z_m[0, 0] == 0.0
 
 
+@pytest.mark.parametrize("factor", [4, 3.75, 0.5])
+def test_depth_of_fewer_or_more_pixels_is_scaled_within_surfaces_and_not_across_jumps(
+    folder: Path, factor: float
+) -> None:
+    # A plane that recedes, and a box 0.5 m before its right half; one pixel has no depth.
+    z_m = np.broadcast_to(1.0 / (0.5 - np.arange(96) / 400.0), (72, 96)).copy()
+    z_m[:, 48:] -= 0.5
+    z_m[9:12, 9:12] = 0.0
+    np.save(folder / "low.npy", z_m.astype(np.float32))
+    size = round(96 * factor), round(72 * factor)
+    found = read_depth(folder / "low.npy", size)
+    assert found.z_m.shape == size[::-1] and found.of_px == (96, 72) and "96 x 72" in found.source
+    at = (np.arange(size[0]) + 0.5) / factor - 0.5
+    right = 1.0 / (0.5 - at / 400.0) - np.where(np.arange(size[0]) >= size[0] // 2, 0.5, 0.0)
+    row, middle = found.z_m[size[1] // 2], size[0] // 2
+    for inner in (np.s_[round(2 * factor) : round(46 * factor)], np.s_[round(50 * factor) : round(94 * factor)]):
+        assert row[inner] == pytest.approx(right[inner], abs=0.015 if factor > 1 else 0.03)
+    assert abs(row[middle - 1] - row[middle]) > 0.4, "nothing is between the two"
+    assert found.z_m[round(10.5 * factor), round(10.5 * factor)] == 0.0
+
+
 def test_a_unit_of_depth_can_be_said(folder: Path) -> None:
     Image.fromarray(np.full(SIZE[::-1], 12500, np.uint16)).save(folder / "tum.png")
     assert read_depth(folder / "tum.png", SIZE, 1 / 5000).z_m.mean() == pytest.approx(2.5)
@@ -229,7 +250,9 @@ REFUSED: dict[str, tuple[Refused, str, tuple[str, ...]]] = {
     "packed otherwise": (lambda f: read_depth(_npz(f, "a", packed=zipfile.ZIP_LZMA), SIZE), "depth", ("as NumPy",)),
     "many arrays": (lambda f: read_depth(_many(f), SIZE), "depth", ("very many arrays",)),
     "no picture": (lambda f: read_picture(f / "own.json"), "picture", ("cannot be read as a picture",)),
-    "other size": (lambda f: read_depth(f / "depth.png", (320, 240)), "depth", ("160 x 120", "picture 320 x 240")),
+    "other shape": (lambda f: read_depth(f / "depth.png", (320, 200)), "depth", ("160 x 120", "registered")),
+    "on its side": (lambda f: read_depth(f / "depth.png", (120, 160)), "depth", ("160 x 120", "turn it by 90")),
+    "hardly any": (lambda f: read_depth(_npy(f, (24, 32), "<f4"), (640, 480)), "depth", ("32 x 24", "30 to 4096")),
     "metres as mm": (lambda f: _depth(f, 3, "uint16"), "depth", ("0.003 m", "in m it would be one", "--depth-unit-m")),
     "mm as metres": (lambda f: _depth(f, 2500.0, "float32"), "depth", ("2500 m", "in mm or TUM (1/5000 m)")),
     "nothing measured": (lambda f: _depth(f, np.nan, "float32"), "depth", ("only 0.0 %",)),

@@ -16,7 +16,14 @@ from executor.bench.photo.picture_score import angle_deg
 from executor.cli.app import run
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, planes_below, unnamed_top
+from executor.photo.geometry.observation import (
+    USUAL_TOP_M,
+    floor_below,
+    level_rotation,
+    observe,
+    planes_below,
+    unnamed_top,
+)
 from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
 from executor.photo.inputs.annotations import Detection, boxes_in
 from executor.photo.inputs.depth import Depth, depth_in
@@ -276,3 +283,47 @@ def test_one_message_has_everything_that_is_missing(
     asked = message.split("command is: " if not words else "; add ")[-1].split(" (--depth")[0]
     assert [one for one in options if one in asked] == list(MISSING[words])
     assert not (folder / "out").exists()
+
+
+def corner(up: Array, turns_deg: tuple[float, ...], seed: int = 0) -> Depth:
+    """Return the depth of walls 2.5 m away in some directions from straight ahead, that reach beyond the picture."""
+    R = level_rotation(up)
+    rays = CAMERA.rays(SIZE) @ R.T
+    z = np.full(rays.shape[:2], 20.0)
+    for turn in np.radians(turns_deg):
+        away = rays[..., :2] @ [np.cos(turn), np.sin(turn)]
+        z = np.where(away > 0.05, np.minimum(z, 2.5 / np.maximum(away, 0.05)), z)
+    noise = np.random.default_rng(seed).normal(size=z.shape)
+    return Depth(z + noise * (0.001 + 0.002 * z**2), "drawn")
+
+
+DRESSER_PX = (60.0, 140.0, 260.0, 240.0)
+ON_IT_PX = ((80.0, 130.0, 100.0, 165.0), (150.0, 125.0, 170.0, 168.0), (200.0, 140.0, 225.0, 170.0))
+
+
+def with_things(depth: Depth, up: Array, top_m: float) -> Depth:
+    """Return a depth in which three boxes end on a level top so far below the camera."""
+    z = depth.z_m.copy()
+    slope = -(CAMERA.rays(SIZE) @ up)
+    for x0, _, x1, y1 in ON_IT_PX:
+        rows = np.s_[int(y1) - 4 : int(y1) + 4, int(x0) : int(x1)]
+        z[rows] = top_m / slope[rows]
+    return replace(depth, z_m=z)
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 3.6, -8.0])
+def test_where_only_two_walls_are_seen_they_give_the_vertical_and_things_their_support(roll_deg: float) -> None:
+    up = up_in_camera(-1.0, roll_deg)
+    depth = with_things(corner(up, (-40.0, 50.0)), up, 0.3)
+    things = [Detection("dresser", "bottom_cabinet", DRESSER_PX, 1.0, "me")]
+    things += [Detection("can", "can", box, 1.0, "me") for box in ON_IT_PX]
+    found = planes_below(level_planes(depth, CAMERA), depth, CAMERA, things)
+    assert found is not None and angle_deg(found.up, up) < 1.0
+    floor = floor_below("drawn.png", found, things)
+    assert floor.above_top_m == pytest.approx(0.3, abs=0.03) and floor.height_m > 0.9
+    assert "assumed" in floor.source and "no floor is visible" in floor.source
+    # Near misses: nothing says how high anything is; one wall, which may be turned about its normal.
+    for others in (things[1:], things[:2]):
+        assert planes_below(None, depth, CAMERA, others) is None
+    one_wall = with_things(corner(up, (5.0,)), up, 0.3)
+    assert planes_below(None, one_wall, CAMERA, things) is None
