@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,6 +78,10 @@ COLLISIONS_OF_TAKEN_SIDE = 12
 EXPLAINING_CONFIGURATIONS = 100
 """How many configurations are examined to explain a failure, and of how many bases that have room."""
 
+ALIKE = np.array([0.005, 0.005, 0.005, 0.1, 0.1, 0.1])
+"""Of places [m] and upward axes: what is let go of so alike falls alike."""
+
+LANDING_S = 0.05  # Effort to find out where a thing ends.
 MISS_CANDIDATES = 40  # Base poses among which the nearest miss of an unreachable spot is searched.
 MOST_NAMED_BLOCKERS = 3  # Named in a failure, the most frequent first.
 
@@ -158,6 +162,7 @@ class PlaceSearch:
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
         to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
+        landed: What was found out so far of where the thing ends (`Planner.lands`), by how it is let go of.
     """
 
     planner: Planner
@@ -166,6 +171,7 @@ class PlaceSearch:
     regions: list[Region]
     q: Array
     to_come_m: float = 0.0
+    landed: dict[tuple[int, ...], bool] = field(default_factory=dict)
 
     @property
     def carried(self) -> Carried:
@@ -203,7 +209,7 @@ class PlaceSearch:
             for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
-        candidates = iter(candidates_of(self.planner, goals, self.q, TURNS_RAD))
+        candidates = candidates_of(self.planner, goals, self.q, TURNS_RAD)
         first = itertools.islice(examine(candidates), MOST_CANDIDATES)
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
@@ -229,6 +235,9 @@ class PlaceSearch:
         found = Unplanned(target=item, support=self.support)
         if not goals:
             return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
+        if self.stays_nowhere:
+            message = f"{what}: let go of in {len(self.landed)} ways, it would not stay there"
+            return Failure(FailureKind.NO_PATH, message, (found,))
         candidates = base_candidates(self.planner.robot, goals, self.q, TURNS_RAD)
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         standing = [c for c in itertools.islice(candidates, 20 * EXPLAINING_CONFIGURATIONS) if floor.at(c.base)]
@@ -264,6 +273,22 @@ class PlaceSearch:
             to_come_m=self.to_come_m,
         )
 
+    @property
+    def stays_nowhere(self) -> bool:
+        """Whether the thing ended elsewhere however it was let go of: by another grasp it would do the same."""
+        return bool(self.landed) and not any(self.landed.values())
+
+    def _lands(self, goal: HandGoal) -> bool:
+        """Return whether the thing ends in its place if it is let go of by a hand at a goal; True where undecided."""
+        if self.planner.lands is None:
+            return True
+        T = goal.T_world_eef @ self.carried.T_eef_object
+        key = tuple(np.round(np.concatenate([T[:3, 3], T[:3, 2]]) / ALIKE).astype(int).tolist())
+        if key not in self.landed:
+            self.planner.effort.add(LANDING_S)
+            self.landed[key] = self.planner.lands(T)
+        return self.landed[key]
+
     def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
         """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.
 
@@ -295,7 +320,7 @@ class PlaceSearch:
             if hits:
                 blocked.learn(candidate.goal, hits)
             elif plan := self._approach(release, options, candidate):
-                return plan
+                return plan if self._lands(candidate.goal) else None
         return None
 
     def _approach(

@@ -52,6 +52,7 @@ HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; ea
 HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
 SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
 ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what comes later: things slide a little.
+HEAP_M = 0.08  # What lies in a bowl is at most so high where another thing is let go of above it.
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
 SET_COST = 0.25
 """Extra cost of a fixed spot over the first sampled one: as much as all samples, so it is taken where these fail."""
@@ -96,6 +97,7 @@ def spots(
     others: Mapping[str, Footprint] = MappingProxyType({}),
     rng: np.random.Generator | None = None,
     to_come_m: float = 0.0,
+    heaps: bool = False,
 ) -> list[PlacementSpot]:
     """Return free spots in a region, the preferred ones first: sampled ones, then fixed ones within reach.
 
@@ -110,6 +112,7 @@ def spots(
         others: id -> what else stands in the world.
         rng: Samples the spots; without it there are the fixed ones alone.
         to_come_m: Width of the widest thing that is put into the region later; 0 where nothing is.
+        heaps: Whether spots above what lies in a bowl or box are among them.
     """
     floor = _Floor.of(region, T_world_link, footprint_m)
 
@@ -123,13 +126,29 @@ def spots(
                 found.append(replace(spot, cost=spot.cost + CROWD_COST * max(0.0, 1.0 - room_m / ROOM_M)))
         return sorted(found, key=lambda spot: spot.cost)[:MOST_SPOTS]
 
+    def heaped() -> Iterator[PlacementSpot]:
+        """Yield the spots in a bowl or box that are above what lies there, best where the least of it is below."""
+        for spot in floor.spots_between():
+            x, y, z = spot.point_m.tolist()
+            over = Disc(x, y, footprint_m / 2, z, z + HEAP_M)
+            below = {name: gap_m for name, gap_m in gaps_m(over, others) if gap_m < APART_M}
+            top_m = max((others[name].high_m for name in below), default=np.inf)
+            if top_m - z <= HEAP_M:
+                cost = spot.cost + CROWD_COST * (APART_M - min(below.values())) / footprint_m
+                yield replace(spot, point_m=np.array([x, y, top_m]), cost=cost)
+
     if rng is None:
         return free(floor.fixed_spots(here))
-    if to_come_m and (aside := free(floor.spots_aside(to_come_m))):
+    aside = free(floor.spots_aside(to_come_m)) if to_come_m else []
+    if aside and not heaps:
         return aside
-    drawn = free(floor.sample_spots(here, rng))
-    found = drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.fixed_spots(here))]
-    return found or free(floor.spots_between())
+    drawn = aside or free(floor.sample_spots(here, rng))
+    found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
+    return found + _later(free(heaped())) if heaps else found
+
+
+def _later(found: list[PlacementSpot]) -> list[PlacementSpot]:
+    return [replace(spot, cost=spot.cost + SET_COST) for spot in found]
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +236,7 @@ class _Floor:
     def spots_between(self) -> Iterator[PlacementSpot]:
         """Yield spots all over a bowl's or box's inside, for one that has things in it."""
         room_m = self._room_m(self.footprint_m)
-        for share in SHARES_BETWEEN:
+        for share in SHARES_BETWEEN if room_m else (0.0,):
             yield from self._around_middle(share * room_m, DRAW_COST * share)
 
     def spots_aside(self, to_come_m: float) -> Iterator[PlacementSpot]:
@@ -449,7 +468,15 @@ def placement_goals(
         T_link = T_link if slid is None else slid @ T_link
         rng = spot_rng(seed, carried.object_id, support, region.name)
         for spot in spots(
-            region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m
+            region,
+            T_link,
+            width_m,
+            here,
+            height_m=height_m,
+            others=others,
+            rng=rng,
+            to_come_m=to_come_m,
+            heaps=not world.model.keeps_order,
         ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
             if region.opening[2] <= UPWARD and not world.model.keeps_order:

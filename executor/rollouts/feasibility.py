@@ -9,11 +9,14 @@ succeeded: slips, stalls and whatever else takes forces are for the physics to d
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from bddl import Atom, atoms
+from executor.geometry import Array, inverse
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
@@ -38,10 +41,10 @@ from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.sim.world import World
 from executor.skills.control import Bystanders
-from executor.skills.dry_run import DryController, DryState, DryWorld
+from executor.skills.dry_run import DryController, DryState, DryWorld, at_rest_within
 from executor.skills.library import MOST_EFFORT_S, bounded, require_skills, skill_of
 from executor.skills.session import Hand, Session
-from oag import ObjectActionGraph, Scene, Task, compose
+from oag import ObjectActionGraph, Scene, SimpleTask, Task, compose
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
 from oag.model.actions import flow_from_json
 from oag.model.infeasible import Infeasible
@@ -375,6 +378,7 @@ class DryRun:
             avoided=self._avoided,
         )
         self._planner.start_subtask(world, self._seed, index)
+        self._planner.lands = self._landing(subtask)
         self._tell("subtask-start", index, -1, subtask.name)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
@@ -392,6 +396,25 @@ class DryRun:
         self._tell("subtask-end", index, -1, subtask.name, steps[-1].failure if steps else None)
         choices = () if self._planner.robot.keeps_order else tuple(self._planner.chosen)
         return _summary(record, time.process_time() - began, choices)
+
+    def _landing(self, subtask: SimpleTask) -> Callable[[Array], bool] | None:
+        """Return a test of where (4, 4) a thing is let go of over a bowl or box: whether all that belongs there stays.
+
+        It is asked by the same detectors as the goal. None for a subtask that puts nothing into such a thing.
+        """
+        world, item, vessel = self._world, subtask.target, subtask.support_goal
+        if vessel not in world.dynamic_ids or Atom("inside", (item, vessel)) not in atoms(subtask.goal):
+            return None
+        known = (Atom("inside", (name, vessel)) for name in world.dynamic_ids if name not in (item, vessel))
+        wanted = (Atom("inside", (item, vessel)), *(atom for atom in known if judge(atom, world)[0].satisfied))
+
+        def lands(T_world_item: Array) -> bool:
+            moved = T_world_item @ inverse(world.T_world_link(item))
+            released = {name: moved @ world.T_world_link(name) for name in world.along}
+            with at_rest_within(world, released, vessel) as rested:
+                return all(judge(atom, rested)[0].satisfied for atom in wanted)
+
+        return lands
 
     def _step(self, session: Session, index: int, bystanders: Bystanders) -> tuple[Session, StepRecord]:
         action = session.flow[session.step]
