@@ -111,7 +111,7 @@ class Pick:
             yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances of last resort: near the item's top, by a flat hand, from close by, or with the arm stretched."""
+        """Yield stances of last resort: near the top, with a flat hand, from close by, or with the arm stretched."""
         lift, robot = self._lifting(), self.planner.robot
         yield from self._search(top_goals(self._asset, self._T_item), lift)
         if not robot.keeps_order:

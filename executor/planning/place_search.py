@@ -78,10 +78,13 @@ COLLISIONS_OF_TAKEN_SIDE = 12
 EXPLAINING_CONFIGURATIONS = 100
 """How many configurations are examined to explain a failure, and of how many bases that have room."""
 
-ALIKE = np.array([0.005, 0.005, 0.005, 0.1, 0.1, 0.1])
+ALIKE = np.array([0.005, 0.005, 0.02, 0.1, 0.1, 0.1])
 """Of places [m] and upward axes: what is let go of so alike falls alike."""
 
-LANDING_S = 0.05  # Effort to find out where a thing ends.
+LANDING_S = 0.06  # Effort to find out where a thing ends.
+MOST_LANDINGS = 24
+"""In how many ways a thing is let go of at most; where it may stay at all, it does so in a third of them."""
+
 MISS_CANDIDATES = 40  # Base poses among which the nearest miss of an unreachable spot is searched.
 MOST_NAMED_BLOCKERS = 3  # Named in a failure, the most frequent first.
 
@@ -202,7 +205,7 @@ class PlaceSearch:
         def has_room(goal: HandGoal) -> bool:
             if id(goal) not in room:
                 room[id(goal)] = self._hand_has_room(goal, solver, blocked)
-            return room[id(goal)]
+            return room[id(goal)] and self._may_land(goal)
 
         def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
             roomy = (candidate for candidate in candidates if has_room(candidate.goal))
@@ -282,12 +285,21 @@ class PlaceSearch:
         """Return whether the thing ends in its place if it is let go of by a hand at a goal; True where undecided."""
         if self.planner.lands is None:
             return True
-        T = goal.T_world_eef @ self.carried.T_eef_object
-        key = tuple(np.round(np.concatenate([T[:3, 3], T[:3, 2]]) / ALIKE).astype(int).tolist())
-        if key not in self.landed:
+        key = self._fall_of(goal)
+        if key not in self.landed and len(self.landed) < MOST_LANDINGS:
             self.planner.effort.add(LANDING_S)
-            self.landed[key] = self.planner.lands(T)
-        return self.landed[key]
+            self.landed[key] = self.planner.lands(goal.T_world_eef @ self.carried.T_eef_object)
+        return self.landed.get(key, False)
+
+    def _may_land(self, goal: HandGoal) -> bool:
+        """Return whether it is not known that the thing ends elsewhere, if it is let go of by a hand at a goal."""
+        if self.planner.lands is None:
+            return True
+        return self.landed.get(self._fall_of(goal), len(self.landed) < MOST_LANDINGS)
+
+    def _fall_of(self, goal: HandGoal) -> tuple[int, ...]:
+        T = goal.T_world_eef @ self.carried.T_eef_object
+        return tuple(np.round(np.concatenate([T[:3, 3], T[:3, 2]]) / ALIKE).astype(int).tolist())
 
     def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
         """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.

@@ -53,6 +53,8 @@ HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wa
 SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
 ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what comes later: things slide a little.
 HEAP_M = 0.08  # What lies in a bowl is at most so high where another thing is let go of above it.
+SQUARE_M = 1e-4  # By so much the sides of a square region differ at most.
+PARALLEL = 1e-6
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
 SET_COST = 0.25
 """Extra cost of a fixed spot over the first sampled one: as much as all samples, so it is taken where these fail."""
@@ -235,9 +237,9 @@ class _Floor:
 
     def spots_between(self) -> Iterator[PlacementSpot]:
         """Yield spots all over a bowl's or box's inside, for one that has things in it."""
-        room_m = self._room_m(self.footprint_m)
-        for share in SHARES_BETWEEN if room_m else (0.0,):
-            yield from self._around_middle(share * room_m, DRAW_COST * share)
+        for share in SHARES_BETWEEN:
+            for angle in self._angles:
+                yield self._off_middle(share * self._room_m(self.footprint_m, angle), angle, DRAW_COST * share)
 
     def spots_aside(self, to_come_m: float) -> Iterator[PlacementSpot]:
         """Yield spots in a bowl or box beside which a thing of a width [m] has room too, the innermost first.
@@ -246,23 +248,40 @@ class _Floor:
         middle, or nowhere.
         """
         apart_m = (self.footprint_m + to_come_m) / 2 + APART_M
-        least_m = apart_m - self._room_m(to_come_m)
-        if least_m > 0.0:
-            for rank, more_m in enumerate(ASIDE_M):
-                off_m = max(apart_m / 2, least_m) + more_m
-                if off_m <= self._room_m(self.footprint_m):
-                    yield from self._around_middle(off_m, DRAW_COST * rank)
+        least_m = {angle: apart_m - self._room_m(to_come_m, angle) for angle in self._angles}
+        if min(least_m.values(), default=0.0) > 0.0:
+            for (rank, more_m), angle in itertools.product(enumerate(ASIDE_M), least_m):
+                off_m = max(apart_m / 2, least_m[angle]) + more_m
+                if off_m <= self._room_m(self.footprint_m, angle):
+                    yield self._off_middle(off_m, angle, DRAW_COST * rank)
 
-    def _around_middle(self, off_m: float, cost: float) -> Iterator[PlacementSpot]:
-        """Yield spots on a ring around the middle of what is small and has walls."""
-        if self._is_small and self.is_within:
-            for turn in range(HEADINGS):
-                angle = 2 * np.pi * turn / HEADINGS
-                yield self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), cost)
+    @property
+    def _angles(self) -> list[float]:
+        """Directions from the middle of what is small and has walls: all around, and into the corners of a box."""
+        if not (self._is_small and self.is_within):
+            return []
+        around = [2 * np.pi * turn / HEADINGS for turn in range(HEADINGS)]
+        rooms_m = np.maximum(self.half[:2] - self.footprint_m / 2, 0.0)
+        if self._is_round or not rooms_m.any():
+            return around
+        corner = float(np.arctan2(rooms_m[1], rooms_m[0]))
+        return [*around, corner, np.pi - corner, np.pi + corner, -corner]
 
-    def _room_m(self, width_m: float) -> float:
-        """Return how far off the middle of what is small a thing of a width may be [m]."""
-        return max(float(min(self.half[:2])) - width_m / 2, 0.0)
+    @property
+    def _is_round(self) -> bool:
+        """Whether what is small may be round: in a box that is as long as wide corners are left free."""
+        return bool(abs(self.half[0] - self.half[1]) < SQUARE_M)
+
+    def _off_middle(self, off_m: float, angle: float, cost: float) -> PlacementSpot:
+        return self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), cost)
+
+    def _room_m(self, width_m: float, angle: float) -> float:
+        """Return how far off the middle of what is small, in a direction, a thing of a width may be [m]."""
+        x_m, y_m = np.maximum(self.half[:2] - width_m / 2, 0.0).tolist()
+        if self._is_round:
+            return float(min(x_m, y_m))
+        along_m = ((x_m, abs(np.cos(angle))), (y_m, abs(np.sin(angle))))
+        return min(room_m / share for room_m, share in along_m if share > PARALLEL)
 
     def _on_ring(self, here: Array, ring_m: float, turn: float, cost: float) -> PlacementSpot | None:
         """Return the spot at a distance and direction (share of a full turn) from the robot; None beyond the floor's
