@@ -104,25 +104,7 @@ def item_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[Han
         asset: The item; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it stands.
     """
-    return _around(hand, asset, T_world_object, _pitches_deg(asset))
-
-
-def flat_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:
-    """Return nearly level hand poses around a low item that usually is taken by steeper ones.
-
-    Under a board there is no room for the forearm of a steep hand.
-
-    Args:
-        hand: Lengths of the hand.
-        asset: The item; its frame is the centre of its bounding box.
-        T_world_object: (4, 4) where it stands.
-    """
-    low = not is_tall(asset) and FLAT_M <= asset.extent_m[2] < FLATTER_FROM_M
-    return _around(hand, asset, T_world_object, FLATTER_DEG) if low else []
-
-
-def _around(hand: HandShape, asset: Asset, T_world_object: Array, pitches_deg: tuple[float, ...]) -> list[HandGoal]:
-    """Return hand poses of some pitches around an item, the preferred pitch first."""
+    pitches_deg = _pitches_deg(asset)
     pitch_cost = THIN_PITCH_COST if asset.extent_m[2] < THIN_M else PITCH_COST
     goals = []
     for yaw in item_headings(asset, T_world_object[:3, :3]):

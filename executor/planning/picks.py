@@ -15,7 +15,7 @@ from executor.assets.model import Asset
 from executor.geometry import Array
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import flat_goals, item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_goals
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -111,11 +111,9 @@ class Pick:
             yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances of last resort: near the top, with a flat hand, from close by, or with the arm stretched."""
+        """Yield stances of last resort: near the item's top, from close by, or with the arm nearly stretched."""
         lift, robot = self._lifting(), self.planner.robot
         yield from self._search(top_goals(self._asset, self._T_item), lift)
-        if not robot.keeps_order:
-            yield from self._search(flat_goals(self._hand, self._asset, self._T_item), lift)
         for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
             if reaches_m:
                 yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)

@@ -8,8 +8,8 @@ import pytest
 from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
-from executor.planning.grasps import FINGERTIPS_M, FLATTER_DEG, ITEM_HEADINGS, flat_goals, item_goals
-from oag.model.robots import LIFTED, PAPER_ROBOT
+from executor.planning.grasps import FINGERTIPS_M, ITEM_HEADINGS, item_goals
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
 
 HAND = PAPER_ROBOT.hand
@@ -99,14 +99,3 @@ def test_something_deep_is_taken_near_its_front_where_it_is_as_wide() -> None:
     level = [goal.T_world_eef for goal in item_goals(HAND, asset, np.eye(4)) if abs(goal.T_world_eef[2, 2]) < 1e-6]
     assert level
     assert all(np.linalg.norm(T[:2, 3]) > FINGERTIPS_M for T in level)
-
-
-@pytest.mark.parametrize(("height_m", "flat"), [(0.034, True), (0.045, False), (0.025, False)])
-def test_flat_hands_are_a_last_resort_for_low_things_that_usual_ones_take_steeply(height_m: float, flat: bool) -> None:
-    die = sample("die", 0)
-    asset = asset_for(die.scaled(height_m / die.extent_m[2]))
-    goals = flat_goals(LIFTED.hand, asset, np.eye(4))
-    pitches_deg = {round(float(np.rad2deg(np.arcsin(-goal.T_world_eef[2, 2])))) for goal in goals}
-    assert pitches_deg == (set(map(round, FLATTER_DEG)) if flat else set())
-    usual = item_goals(LIFTED.hand, asset, np.eye(4))
-    assert flat <= all(-goal.T_world_eef[2, 2] > np.sin(np.deg2rad(30.0)) for goal in usual)
