@@ -265,7 +265,7 @@ class PlaceSearch:
 
     def _goals(self) -> list[HandGoal]:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
-        return placement_goals(
+        goals = placement_goals(
             self.world,
             self.carried,
             self.support,
@@ -275,6 +275,13 @@ class PlaceSearch:
             seed=self.planner.seed,
             to_come_m=self.to_come_m,
         )
+        near = self.planner.near
+        if near is None or self.support not in self.world.dynamic_ids:
+            return goals
+        # In a bowl a thing that is let go of a centimetre beside the choice may fall over.
+        off_m = [float(np.linalg.norm(goal.T_world_eef[:3, 3] - near.T_world_eef[:3, 3])) for goal in goals]
+        least_m = min(off_m, default=0.0)
+        return [goal for goal, off in zip(goals, off_m, strict=True) if off <= least_m + RELEASE_TOLERANCE_M]
 
     @property
     def stays_nowhere(self) -> bool:

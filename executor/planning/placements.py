@@ -52,6 +52,8 @@ HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; ea
 HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
 SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
 ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what comes later: things slide a little.
+NEARER = (0.5, 0.0)  # What stands half on a bowl's wall may fall; nearer to the middle it does not.
+NEARER_COST = 0.15  # Farther out there is more room for what comes later.
 HEAP_M = 0.08  # What lies in a bowl is at most so high where another thing is let go of above it.
 SQUARE_M = 1e-4  # By so much the sides of a square region differ at most.
 PARALLEL = 1e-6
@@ -144,7 +146,7 @@ def spots(
     aside = free(floor.spots_aside(to_come_m)) if to_come_m else []
     if aside and not heaps:
         return aside
-    drawn = aside or free(floor.sample_spots(here, rng))
+    drawn = aside + free(floor.spots_aside(to_come_m, NEARER)) if aside else free(floor.sample_spots(here, rng))
     found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
     return found + _later(free(heaped())) if heaps else found
 
@@ -241,19 +243,28 @@ class _Floor:
             for angle in self._angles:
                 yield self._off_middle(share * self._room_m(self.footprint_m, angle), angle, DRAW_COST * share)
 
-    def spots_aside(self, to_come_m: float) -> Iterator[PlacementSpot]:
+    def spots_aside(self, to_come_m: float, nearer: tuple[float, ...] = ()) -> Iterator[PlacementSpot]:
         """Yield spots in a bowl or box beside which a thing of a width [m] has room too, the innermost first.
 
         Both share the room, since what is near to a bowl's wall lies high. There are none where it has room beside the
         middle, or nowhere.
+
+        Args:
+            to_come_m: The width.
+            nearer: Shares of the way from where the other has all of its room to where both have as much; the spots are
+                there instead.
         """
         apart_m = (self.footprint_m + to_come_m) / 2 + APART_M
         least_m = {angle: apart_m - self._room_m(to_come_m, angle) for angle in self._angles}
         if min(least_m.values(), default=0.0) > 0.0:
             for (rank, more_m), angle in itertools.product(enumerate(ASIDE_M), least_m):
                 off_m = max(apart_m / 2, least_m[angle]) + more_m
-                if off_m <= self._room_m(self.footprint_m, angle):
+                if off_m <= self._room_m(self.footprint_m, angle) and not nearer:
                     yield self._off_middle(off_m, angle, DRAW_COST * rank)
+            for (rank, share), angle in itertools.product(enumerate(nearer), least_m):
+                if 0.0 < least_m[angle] < apart_m / 2:
+                    off_m = least_m[angle] + share * (apart_m / 2 - least_m[angle])
+                    yield self._off_middle(off_m, angle, NEARER_COST + DRAW_COST * rank)
 
     @property
     def _angles(self) -> list[float]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from bddl import Atom, atoms
-from executor.geometry import Array, inverse
+from executor.geometry import Array, inverse, transform
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
@@ -35,7 +35,7 @@ from executor.records import (
 )
 from executor.rollouts.capacity import first_misfit
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.goals import as_failure, judge, judge_at_rest
+from executor.rollouts.goals import LEANS_DEG, as_failure, judge, judge_at_rest
 from executor.rollouts.repairs import Failed, Ways, impossible, repairs
 from executor.rollouts.rollout import USUAL, RunConditions, require_graph
 from executor.scenes.vary import check_seed
@@ -55,6 +55,12 @@ from oag.task_definition import required_scene
 
 MOST_PLANS = 3
 """How many other plans for the same goal are gone through, until they took as much effort as one primitive may."""
+
+OFF_M = ((0.0, 0.0, 0.0), (0.004, 0.0, 0.0), (-0.002, 0.0035, 0.0), (-0.002, -0.0035, 0.0))
+"""How far beside its place a thing is let go of: from all of these it has to stay in a bowl or box."""
+
+SPARE_DEG, SPARE_M = 15.0, 0.002
+"""How far from what a goal allows a thing has to end there: the opening fingers turn what they let go of."""
 
 MOST_FORECAST_S = 15.0
 """Effort of a forecast from which on no repairs and no other plans are begun, and at which begun ones end [s]."""
@@ -425,10 +431,16 @@ class DryRun:
         wanted = (Atom("inside", (item, vessel)), *(atom for atom in known if judge(atom, world)[0].satisfied))
 
         def lands(T_world_item: Array) -> bool:
+            return all(lands_from(transform(np.eye(3), np.array(off_m)) @ T_world_item) for off_m in OFF_M)
+
+        def lands_from(T_world_item: Array) -> bool:
             moved = T_world_item @ inverse(world.T_world_link(item))
             released = {name: moved @ world.T_world_link(name) for name in world.along}
             with at_rest_within(world, released, vessel) as rested:
-                return all(judge(atom, rested)[0].satisfied for atom in wanted)
+                first, *others = (judge(atom, rested)[0] for atom in wanted)
+                leans_deg, depth_m = first.measurements.tilted_deg or 0.0, first.measurements.centre_depth_m or 0.0
+                surely = leans_deg <= LEANS_DEG - SPARE_DEG and depth_m >= SPARE_M
+                return surely and all(reading.satisfied for reading in (first, *others))
 
         return lands
 

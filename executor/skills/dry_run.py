@@ -50,7 +50,9 @@ MOST_RISE_M = 0.03  # By which a thing that is set upright, or was pressed down,
 FALL_S = 0.5  # From the largest height at which a thing is let go of it falls for a third of this.
 FAR_M = 50.0  # So far off the robot stands by while things come to rest.
 
-OVER_RIM_M = 0.03  # The middle of what leans on a rim from within is not higher.
+OVER_IT_M = np.array([0.03, 0.03, 0.10])
+"""Beyond a bowl's inside: what leans on its rim from within, or stands on what is in it, comes to rest in physics."""
+
 RIGHTS_ITSELF_DEG = 25.0
 """A thing that is let go of with less tilt stands up; with more it stays as it is, and the goal's reading counts."""
 
@@ -247,7 +249,7 @@ class DryWorld(World):
             for region in self.assets[vessel].regions if vessel != item else ():
                 middle = (self.T_world_link(vessel, region.link) @ np.array([*region.center_m, 1.0]))[:3]
                 off = np.abs(self._poses[item][:3, 3] - middle)
-                if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_RIM_M).all():
+                if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_IT_M).all():
                     return vessel
         return None
 
