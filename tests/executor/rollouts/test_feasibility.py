@@ -141,7 +141,10 @@ def test_what_falls_onto_a_bowls_wall_slides_down_it_and_what_falls_beside_it_do
     assert off_m[-1.8] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("aside_m", "stays"), [(0.0, True), (0.03, True), (0.085, False)])
+@pytest.mark.parametrize(
+    ("aside_m", "stays"),
+    [(0.0, True), pytest.param(0.03, False, id="it tumbles"), pytest.param(0.085, False, id="it falls beside")],
+)
 def test_how_a_thing_ends_in_a_bowl_is_found_without_changing_the_world(
     kitchen: Scene, aside_m: float, stays: bool
 ) -> None:
