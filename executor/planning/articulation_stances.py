@@ -7,6 +7,7 @@ in a deep drawer is below its front, and the forearm of a level hand is not. So 
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -565,7 +566,7 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()
     out_of_reach = True
-    candidates = base_candidates(work.planner.robot, goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]
+    candidates = list(itertools.islice(base_candidates(work.planner.robot, goals, here, HANDLE_TURNS_RAD), LOOKED_AT))
     for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8)
         out_of_reach = out_of_reach and not solutions

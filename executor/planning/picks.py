@@ -225,7 +225,7 @@ def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], her
         return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=item),))
     oracle, kinematics = planner.oracle, planner.kinematics
     blockers: Counter[str] = Counter()
-    candidates = base_candidates(planner.robot, goals, here, TURNS_RAD)[:LOOKED_AT]
+    candidates = list(itertools.islice(base_candidates(planner.robot, goals, here, TURNS_RAD), LOOKED_AT))
     reached = False
     for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8, enough=1)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,6 +77,13 @@ COLLISIONS_OF_TAKEN_SIDE = 12
 
 EXPLAINING_CONFIGURATIONS = 100
 """How many configurations are examined to explain a failure, and of how many bases that have room."""
+
+ALIKE = np.array([0.005, 0.005, 0.02, 0.1, 0.1, 0.1])
+"""Of places [m] and upward axes: what is let go of so alike falls alike."""
+
+LANDING_S = 0.06  # Effort to find out where a thing ends.
+MOST_LANDINGS = 24
+"""In how many ways a thing is let go of at most; where it may stay at all, it does so in a third of them."""
 
 MISS_CANDIDATES = 40  # Base poses among which the nearest miss of an unreachable spot is searched.
 MOST_NAMED_BLOCKERS = 3  # Named in a failure, the most frequent first.
@@ -158,6 +165,7 @@ class PlaceSearch:
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
         to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
+        landed: What was found out so far of where the thing ends (`Planner.lands`), by how it is let go of.
     """
 
     planner: Planner
@@ -166,6 +174,7 @@ class PlaceSearch:
     regions: list[Region]
     q: Array
     to_come_m: float = 0.0
+    landed: dict[tuple[int, ...], bool] = field(default_factory=dict)
 
     @property
     def carried(self) -> Carried:
@@ -196,14 +205,14 @@ class PlaceSearch:
         def has_room(goal: HandGoal) -> bool:
             if id(goal) not in room:
                 room[id(goal)] = self._hand_has_room(goal, solver, blocked)
-            return room[id(goal)]
+            return room[id(goal)] and self._may_land(goal)
 
         def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
             roomy = (candidate for candidate in candidates if has_room(candidate.goal))
             for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
-        candidates = iter(candidates_of(self.planner, goals, self.q, TURNS_RAD))
+        candidates = candidates_of(self.planner, goals, self.q, TURNS_RAD)
         first = itertools.islice(examine(candidates), MOST_CANDIDATES)
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
@@ -229,6 +238,9 @@ class PlaceSearch:
         found = Unplanned(target=item, support=self.support)
         if not goals:
             return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
+        if self.stays_nowhere:
+            message = f"{what}: let go of in {len(self.landed)} ways, it would not stay there"
+            return Failure(FailureKind.NO_PATH, message, (found,))
         candidates = base_candidates(self.planner.robot, goals, self.q, TURNS_RAD)
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         standing = [c for c in itertools.islice(candidates, 20 * EXPLAINING_CONFIGURATIONS) if floor.at(c.base)]
@@ -253,7 +265,7 @@ class PlaceSearch:
 
     def _goals(self) -> list[HandGoal]:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
-        return placement_goals(
+        goals = placement_goals(
             self.world,
             self.carried,
             self.support,
@@ -263,6 +275,38 @@ class PlaceSearch:
             seed=self.planner.seed,
             to_come_m=self.to_come_m,
         )
+        near = self.planner.near
+        if near is None or self.support not in self.world.dynamic_ids:
+            return goals
+        # In a bowl a thing that is let go of a centimetre beside the choice may fall over.
+        off_m = [float(np.linalg.norm(goal.T_world_eef[:3, 3] - near.T_world_eef[:3, 3])) for goal in goals]
+        least_m = min(off_m, default=0.0)
+        return [goal for goal, off in zip(goals, off_m, strict=True) if off <= least_m + RELEASE_TOLERANCE_M]
+
+    @property
+    def stays_nowhere(self) -> bool:
+        """Whether the thing ended elsewhere however it was let go of: by another grasp it would do the same."""
+        return bool(self.landed) and not any(self.landed.values())
+
+    def _lands(self, goal: HandGoal) -> bool:
+        """Return whether the thing ends in its place if it is let go of by a hand at a goal; True where undecided."""
+        if self.planner.lands is None:
+            return True
+        key = self._fall_of(goal)
+        if key not in self.landed and len(self.landed) < MOST_LANDINGS:
+            self.planner.effort.add(LANDING_S)
+            self.landed[key] = self.planner.lands(goal.T_world_eef @ self.carried.T_eef_object)
+        return self.landed.get(key, False)
+
+    def _may_land(self, goal: HandGoal) -> bool:
+        """Return whether it is not known that the thing ends elsewhere, if it is let go of by a hand at a goal."""
+        if self.planner.lands is None:
+            return True
+        return self.landed.get(self._fall_of(goal), len(self.landed) < MOST_LANDINGS)
+
+    def _fall_of(self, goal: HandGoal) -> tuple[int, ...]:
+        T = goal.T_world_eef @ self.carried.T_eef_object
+        return tuple(np.round(np.concatenate([T[:3, 3], T[:3, 2]]) / ALIKE).astype(int).tolist())
 
     def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
         """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.
@@ -295,7 +339,7 @@ class PlaceSearch:
             if hits:
                 blocked.learn(candidate.goal, hits)
             elif plan := self._approach(release, options, candidate):
-                return plan
+                return plan if self._lands(candidate.goal) else None
         return None
 
     def _approach(

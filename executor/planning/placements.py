@@ -52,6 +52,11 @@ HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; ea
 HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
 SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
 ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what comes later: things slide a little.
+NEARER = (0.5, 0.0)  # What stands half on a bowl's wall may fall; nearer to the middle it does not.
+NEARER_COST = 0.15  # Farther out there is more room for what comes later.
+HEAP_M = 0.08  # What lies in a bowl is at most so high where another thing is let go of above it.
+SQUARE_M = 1e-4  # By so much the sides of a square region differ at most.
+PARALLEL = 1e-6
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
 SET_COST = 0.25
 """Extra cost of a fixed spot over the first sampled one: as much as all samples, so it is taken where these fail."""
@@ -96,6 +101,7 @@ def spots(
     others: Mapping[str, Footprint] = MappingProxyType({}),
     rng: np.random.Generator | None = None,
     to_come_m: float = 0.0,
+    heaps: bool = False,
 ) -> list[PlacementSpot]:
     """Return free spots in a region, the preferred ones first: sampled ones, then fixed ones within reach.
 
@@ -110,6 +116,7 @@ def spots(
         others: id -> what else stands in the world.
         rng: Samples the spots; without it there are the fixed ones alone.
         to_come_m: Width of the widest thing that is put into the region later; 0 where nothing is.
+        heaps: Whether spots above what lies in a bowl or box are among them.
     """
     floor = _Floor.of(region, T_world_link, footprint_m)
 
@@ -123,13 +130,29 @@ def spots(
                 found.append(replace(spot, cost=spot.cost + CROWD_COST * max(0.0, 1.0 - room_m / ROOM_M)))
         return sorted(found, key=lambda spot: spot.cost)[:MOST_SPOTS]
 
+    def heaped() -> Iterator[PlacementSpot]:
+        """Yield the spots in a bowl or box that are above what lies there, best where the least of it is below."""
+        for spot in floor.spots_between():
+            x, y, z = spot.point_m.tolist()
+            over = Disc(x, y, footprint_m / 2, z, z + HEAP_M)
+            below = {name: gap_m for name, gap_m in gaps_m(over, others) if gap_m < APART_M}
+            top_m = max((others[name].high_m for name in below), default=np.inf)
+            if top_m - z <= HEAP_M:
+                cost = spot.cost + CROWD_COST * (APART_M - min(below.values())) / footprint_m
+                yield replace(spot, point_m=np.array([x, y, top_m]), cost=cost)
+
     if rng is None:
         return free(floor.fixed_spots(here))
-    if to_come_m and (aside := free(floor.spots_aside(to_come_m))):
+    aside = free(floor.spots_aside(to_come_m)) if to_come_m else []
+    if aside and not heaps:
         return aside
-    drawn = free(floor.sample_spots(here, rng))
-    found = drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.fixed_spots(here))]
-    return found or free(floor.spots_between())
+    drawn = aside + free(floor.spots_aside(to_come_m, NEARER)) if aside else free(floor.sample_spots(here, rng))
+    found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
+    return found + _later(free(heaped())) if heaps else found
+
+
+def _later(found: list[PlacementSpot]) -> list[PlacementSpot]:
+    return [replace(spot, cost=spot.cost + SET_COST) for spot in found]
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,34 +239,60 @@ class _Floor:
 
     def spots_between(self) -> Iterator[PlacementSpot]:
         """Yield spots all over a bowl's or box's inside, for one that has things in it."""
-        room_m = self._room_m(self.footprint_m)
         for share in SHARES_BETWEEN:
-            yield from self._around_middle(share * room_m, DRAW_COST * share)
+            for angle in self._angles:
+                yield self._off_middle(share * self._room_m(self.footprint_m, angle), angle, DRAW_COST * share)
 
-    def spots_aside(self, to_come_m: float) -> Iterator[PlacementSpot]:
+    def spots_aside(self, to_come_m: float, nearer: tuple[float, ...] = ()) -> Iterator[PlacementSpot]:
         """Yield spots in a bowl or box beside which a thing of a width [m] has room too, the innermost first.
 
         Both share the room, since what is near to a bowl's wall lies high. There are none where it has room beside the
         middle, or nowhere.
+
+        Args:
+            to_come_m: The width.
+            nearer: Shares of the way from where the other has all of its room to where both have as much; the spots are
+                there instead.
         """
         apart_m = (self.footprint_m + to_come_m) / 2 + APART_M
-        least_m = apart_m - self._room_m(to_come_m)
-        if least_m > 0.0:
-            for rank, more_m in enumerate(ASIDE_M):
-                off_m = max(apart_m / 2, least_m) + more_m
-                if off_m <= self._room_m(self.footprint_m):
-                    yield from self._around_middle(off_m, DRAW_COST * rank)
+        least_m = {angle: apart_m - self._room_m(to_come_m, angle) for angle in self._angles}
+        if min(least_m.values(), default=0.0) > 0.0:
+            for (rank, more_m), angle in itertools.product(enumerate(ASIDE_M), least_m):
+                off_m = max(apart_m / 2, least_m[angle]) + more_m
+                if off_m <= self._room_m(self.footprint_m, angle) and not nearer:
+                    yield self._off_middle(off_m, angle, DRAW_COST * rank)
+            for (rank, share), angle in itertools.product(enumerate(nearer), least_m):
+                if 0.0 < least_m[angle] < apart_m / 2:
+                    off_m = least_m[angle] + share * (apart_m / 2 - least_m[angle])
+                    yield self._off_middle(off_m, angle, NEARER_COST + DRAW_COST * rank)
 
-    def _around_middle(self, off_m: float, cost: float) -> Iterator[PlacementSpot]:
-        """Yield spots on a ring around the middle of what is small and has walls."""
-        if self._is_small and self.is_within:
-            for turn in range(HEADINGS):
-                angle = 2 * np.pi * turn / HEADINGS
-                yield self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), cost)
+    @property
+    def _angles(self) -> list[float]:
+        """Directions from the middle of what is small and has walls: all around, and into the corners of a box."""
+        if not (self._is_small and self.is_within):
+            return []
+        around = [2 * np.pi * turn / HEADINGS for turn in range(HEADINGS)]
+        rooms_m = np.maximum(self.half[:2] - self.footprint_m / 2, 0.0)
+        if self._is_round or not rooms_m.any():
+            return around
+        corner = float(np.arctan2(rooms_m[1], rooms_m[0]))
+        return [*around, corner, np.pi - corner, np.pi + corner, -corner]
 
-    def _room_m(self, width_m: float) -> float:
-        """Return how far off the middle of what is small a thing of a width may be [m]."""
-        return max(float(min(self.half[:2])) - width_m / 2, 0.0)
+    @property
+    def _is_round(self) -> bool:
+        """Whether what is small may be round: in a box that is as long as wide corners are left free."""
+        return bool(abs(self.half[0] - self.half[1]) < SQUARE_M)
+
+    def _off_middle(self, off_m: float, angle: float, cost: float) -> PlacementSpot:
+        return self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), cost)
+
+    def _room_m(self, width_m: float, angle: float) -> float:
+        """Return how far off the middle of what is small, in a direction, a thing of a width may be [m]."""
+        x_m, y_m = np.maximum(self.half[:2] - width_m / 2, 0.0).tolist()
+        if self._is_round:
+            return float(min(x_m, y_m))
+        along_m = ((x_m, abs(np.cos(angle))), (y_m, abs(np.sin(angle))))
+        return min(room_m / share for room_m, share in along_m if share > PARALLEL)
 
     def _on_ring(self, here: Array, ring_m: float, turn: float, cost: float) -> PlacementSpot | None:
         """Return the spot at a distance and direction (share of a full turn) from the robot; None beyond the floor's
@@ -449,7 +498,15 @@ def placement_goals(
         T_link = T_link if slid is None else slid @ T_link
         rng = spot_rng(seed, carried.object_id, support, region.name)
         for spot in spots(
-            region, T_link, width_m, here, height_m=height_m, others=others, rng=rng, to_come_m=to_come_m
+            region,
+            T_link,
+            width_m,
+            here,
+            height_m=height_m,
+            others=others,
+            rng=rng,
+            to_come_m=to_come_m,
+            heaps=not world.model.keeps_order,
         ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
             if region.opening[2] <= UPWARD and not world.model.keeps_order:

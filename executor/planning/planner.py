@@ -10,7 +10,7 @@ Source: the paper's primitive library. "Forward" and "left" are the base's headi
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -71,6 +71,7 @@ class Planner:
         effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
         chosen: What was chosen in the subtask so far.
         near: What searches are narrowed to; None where they look everywhere.
+        lands: Whether what is held ends in its place if it is let go of at a pose (4, 4); None where nothing is asked.
     """
 
     def __init__(self, oracle: CollisionOracle) -> None:
@@ -85,6 +86,7 @@ class Planner:
         self.chosen: list[Choice] = []
         self._drives: list[Array] = []
         self.near: Near | None = None
+        self.lands: Callable[[Array], bool] | None = None
         self._around = _around_everything(oracle.world)
 
     def start_subtask(self, world: World, seed: int, index: int) -> None:

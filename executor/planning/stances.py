@@ -108,8 +108,8 @@ def base_candidates(
     here: Array,
     turns_rad: tuple[float, ...],
     reaches_m: tuple[float, ...] | None = None,
-) -> list[BaseCandidate]:
-    """Return base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
+) -> Iterator[BaseCandidate]:
+    """Yield base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
         robot: Its record.
@@ -118,14 +118,14 @@ def base_candidates(
         reaches_m: How far before the hand the base may be, the preferred distance first; by default the robot's.
     """
     if not goals:
-        return []
+        return
     reaches_m = robot.reaches_m if reaches_m is None else reaches_m
     lifted = [(goal, lift_m, rank) for goal in goals for rank, lift_m in enumerate(goal.lifts_m(robot))]
     goals = [goal for goal, _, _ in lifted] or goals
     # Thousands of candidates, of which few are looked at: what differs by reach alone is computed for all at once.
     shape = (len(goals), len(reaches_m), len(turns_rad))
     yaws = np.array([[goal.heading_rad + turn_rad for turn_rad in turns_rad] for goal in goals])
-    facing = np.array([[rotation_z(yaw)[:2, 0] for yaw in row] for row in yaws.tolist()])
+    facing = np.array([[(np.cos(yaw), np.sin(yaw)) for yaw in row] for row in yaws.tolist()])
     turning = np.array([[0.2 * abs(wrap_angle(yaw - float(here[2]))) for yaw in row] for row in yaws.tolist()])
     hands = np.array([goal.T_world_eef[:2, 3] for goal in goals])
     places = hands[:, None, None] - facing[:, None] * np.array(reaches_m)[:, None, None]
@@ -142,7 +142,8 @@ def base_candidates(
         bases = np.concatenate([bases, heights[:, None]], axis=1)
     each = len(reaches_m) * len(turns_rad)
     order = np.argsort(costs, kind="stable").tolist()
-    return [BaseCandidate(goals[k // each], bases[k], float(costs[k])) for k in order]
+    for k in order:
+        yield BaseCandidate(goals[k // each], bases[k], float(costs[k]))
 
 
 def candidates_of(
@@ -151,14 +152,17 @@ def candidates_of(
     here: Array,
     turns_rad: tuple[float, ...],
     reaches_m: tuple[float, ...] | None = None,
-) -> list[BaseCandidate]:
-    """Return the base candidates of a search; of a narrowed one those near the choice (`Planner.narrowed_to`)."""
+) -> Iterator[BaseCandidate]:
+    """Return an iterator over the base candidates of a search.
+
+    Those of a narrowed one (`Planner.narrowed_to`) are near the choice.
+    """
     near = planner.near
     if near is None:
         return base_candidates(planner.robot, goals, here, turns_rad, reaches_m)
     goals = [goal for goal in goals if near.has_hand(goal.T_world_eef)]
     found = base_candidates(planner.robot, goals, here, turns_rad, reaches_m)
-    return [candidate for candidate in found if near.has_base(candidate.base)]
+    return (candidate for candidate in found if near.has_base(candidate.base))
 
 
 class BlockedGoals:

@@ -11,10 +11,12 @@ from collections import Counter
 
 from bddl import atoms
 from bddl.terminal import pluralize
+from executor.assets.asset_geometry import rolls_freely
 from executor.assets.model import Asset, Region
 from executor.planning.placements import UPWARD
 from executor.planning.whereabouts import handles_of, parts_named, regions_of
 from executor.records import Failure, FailureKind
+from executor.rollouts.goals import LEANS_DEG, STANDS_DEG
 from executor.sim.world import World
 from executor.skills.navigate import misfit
 from oag import Primitive, SimpleTask, Task
@@ -83,13 +85,42 @@ def no_room(world: World, subtask: SimpleTask) -> Failure | None:
     if support is None or not inside:
         return None
     interiors = [region for region in world.assets[support].regions if region.kind == "interior"]
-    if not interiors or any(_may_fit(world, item, support, region) for region in interiors):
+    fitting = [region for region in interiors if _may_fit(world, item, support, region)]
+    if not interiors or any(_may_end_inside(world, item, support, region) for region in fitting):
         return None
+    if fitting:
+        deepest_m = max(2 * region.half_extents_m[2] for region in fitting)
+        message = (
+            f"{item} stands out of {support}: its middle stays {1000 * _least_middle_m(world, item, support):.0f} mm "
+            f"above the bottom, and {support} is {1000 * deepest_m:.0f} mm deep inside"
+        )
+        return Failure(FailureKind.NO_PATH, message, (Unplanned(target=item, support=support),))
     size = " x ".join(f"{1000 * extent:.0f}" for extent in world.assets[item].extent_m)
     largest = max(interiors, key=lambda region: math.prod(region.half_extents_m))
     room = " x ".join(f"{2000 * half:.0f}" for half in largest.half_extents_m)
     message = f"{item} is too large for {support}: {size} mm, and the largest room in it is {room} mm"
     return Failure(FailureKind.NO_PATH, message, (Unplanned(target=item, support=support),))
+
+
+def _may_end_inside(world: World, item: str, support: str, region: Region) -> bool:
+    """Return whether the middle of a thing gets below the rim of what is open at the top, as `inside` asks.
+
+    What rolls, or lies already, ends as it falls; all else has to stand as upright as a goal asks of it.
+    """
+    asset = world.assets[item]
+    stands = abs(world.T_world_link(item)[2, 2]) >= STANDING and not rolls_freely(asset)
+    return (
+        not stands
+        or region.opening[2] <= UPWARD
+        or (_least_middle_m(world, item, support) <= 2 * region.half_extents_m[2])
+    )
+
+
+def _least_middle_m(world: World, item: str, support: str) -> float:
+    """Return the least height [m] of a standing thing's middle above the floor, leaning as far as a goal allows."""
+    x, y, z = world.assets[item].extent_m
+    most_rad = math.radians(LEANS_DEG if support in world.dynamic_ids else STANDS_DEG)
+    return min(z, z * math.cos(most_rad) + min(x, y) * math.sin(most_rad)) / 2
 
 
 def _may_fit(world: World, item: str, support: str, region: Region) -> bool:

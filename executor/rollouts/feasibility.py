@@ -8,12 +8,16 @@ succeeded: slips, stalls and whatever else takes forces are for the physics to d
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from bddl import Atom, atoms
+from executor.geometry import Array, inverse, transform
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
@@ -31,17 +35,17 @@ from executor.records import (
 )
 from executor.rollouts.capacity import first_misfit
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.goals import as_failure, judge, judge_at_rest
+from executor.rollouts.goals import LEANS_DEG, as_failure, judge, judge_at_rest
 from executor.rollouts.repairs import Failed, Ways, impossible, repairs
 from executor.rollouts.rollout import USUAL, RunConditions, require_graph
 from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.sim.world import World
 from executor.skills.control import Bystanders
-from executor.skills.dry_run import DryController, DryState, DryWorld
+from executor.skills.dry_run import DryController, DryState, DryWorld, at_rest_within
 from executor.skills.library import MOST_EFFORT_S, bounded, require_skills, skill_of
 from executor.skills.session import Hand, Session
-from oag import ObjectActionGraph, Scene, Task, compose
+from oag import ObjectActionGraph, Scene, SimpleTask, Task, compose
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
 from oag.model.actions import flow_from_json
 from oag.model.infeasible import Infeasible
@@ -51,6 +55,15 @@ from oag.task_definition import required_scene
 
 MOST_PLANS = 3
 """How many other plans for the same goal are gone through, until they took as much effort as one primitive may."""
+
+OFF_M = ((0.0, 0.0, 0.0), (0.004, 0.0, 0.0), (-0.002, 0.0035, 0.0), (-0.002, -0.0035, 0.0))
+"""How far beside its place a thing is let go of: from all of these it has to stay in a bowl or box."""
+
+SPARE_DEG, SPARE_M = 15.0, 0.002
+"""How far from what a goal allows a thing has to end there: the opening fingers turn what they let go of."""
+
+MOST_FORECAST_S = 15.0
+"""Effort of a forecast from which on no repairs and no other plans are begun, and at which begun ones end [s]."""
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
@@ -201,27 +214,33 @@ def feasible(
     graph, seed = require_graph(graph), check_seed(seed)
     nominal = graph.scene if scene is None else required_scene(scene)
 
-    def verdict(graph: ObjectActionGraph) -> Feasibility:
+    def verdict(graph: ObjectActionGraph, before_s: float = 0.0) -> Feasibility:
         concrete = nominal.with_scales(graph.task.scales)
-        return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen, most_repairs).verdict()
+        concrete = vary_scene(concrete, seed) if vary else concrete
+        return DryRun(graph, concrete, seed, listen, most_repairs, before_s).verdict()
 
     first = found = verdict(graph)
     known, cpu_s, effort_s = first.known, first.cpu_s, first.effort_s
     # A goal names no part and no spot: another plan for it would not hold to them.
     by_goal = not any(subtask.where is not None for subtask in graph.task.subtasks)
     while most_repairs and by_goal and not found and found.known and len(known) <= MOST_PLANS:
-        if effort_s - first.effort_s > MOST_EFFORT_S:
+        if effort_s - first.effort_s > MOST_EFFORT_S or effort_s > _most_forecast_s(nominal):
             break
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
         if planned.task is None:
             break
-        found = verdict(compose(planned.task, scene=scene))
+        found = verdict(compose(planned.task, scene=scene), effort_s)
         known, cpu_s, effort_s = (*known, *found.known), cpu_s + found.cpu_s, effort_s + found.effort_s
     if not found or found is first:
         return replace(first, known=known, cpu_s=cpu_s, effort_s=effort_s)
     detours = (Detour(0, 0, f"another plan is taken: {first.reason}"), *found.detours)
     return replace(found, known=known, cpu_s=cpu_s, effort_s=effort_s, detours=detours)
+
+
+def _most_forecast_s(scene: Scene) -> float:
+    # Stored results of the paper's robot were found by longer searches.
+    return math.inf if scene.robot.model.keeps_order else MOST_FORECAST_S
 
 
 class DryRun:
@@ -233,6 +252,7 @@ class DryRun:
         seed: Seeds all planning.
         listen: Called when subtasks and steps begin and end.
         most_repairs: How many repaired plans are gone through.
+        before_s: Effort of the plans before this one, of the same forecast.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
@@ -246,8 +266,11 @@ class DryRun:
         seed: int,
         listen: Listener = ignore,
         most_repairs: int = MOST_REPAIRS,
+        before_s: float = 0.0,
     ) -> None:
         self._scene, self._seed, self._listen = scene, seed, listen
+        self._most_s = _most_forecast_s(scene) - before_s
+        self._is_first = not before_s
         self._detours: tuple[Detour, ...] = ()
         self._avoided: Ways = frozenset()
         self._repairs_left = most_repairs
@@ -262,7 +285,8 @@ class DryRun:
             self._planner = Planner(CollisionOracle(oracle))
             self._world, self._hand = world, Hand()
             self._control = DryController(world, np.array(start.target), start.finger_target_m)
-            done = tuple(self._subtasks())
+            with self._planner.effort.limited(math.inf if self._is_first else self._most_s):
+                done = tuple(self._subtasks())
         failed = done[-1].record if done and not done[-1].record.succeeded else None
         failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
         failure = failed.failure or failure if failed is not None else None
@@ -302,8 +326,9 @@ class DryRun:
             refused = None if done else first_misfit(self._task, self._world)
             done.append(self._subtask(len(done)) if refused is None else self._refused(*refused))
             if not done[-1].record.succeeded:
-                with self._planner.effort.limited(MOST_EFFORT_S):
-                    mended = refused is None and self._mended(done, starts)
+                left_s = min(MOST_EFFORT_S, self._most_s - self._planner.effort.spent_s)
+                with self._planner.effort.limited(left_s):
+                    mended = refused is None and left_s > 0.0 and self._mended(done, starts)
                 if not mended:
                     self._known = self._found_impossible(done, starts[-1][1].held)
                     break
@@ -375,6 +400,7 @@ class DryRun:
             avoided=self._avoided,
         )
         self._planner.start_subtask(world, self._seed, index)
+        self._planner.lands = self._landing(subtask)
         self._tell("subtask-start", index, -1, subtask.name)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
@@ -392,6 +418,31 @@ class DryRun:
         self._tell("subtask-end", index, -1, subtask.name, steps[-1].failure if steps else None)
         choices = () if self._planner.robot.keeps_order else tuple(self._planner.chosen)
         return _summary(record, time.process_time() - began, choices)
+
+    def _landing(self, subtask: SimpleTask) -> Callable[[Array], bool] | None:
+        """Return a test of where (4, 4) a thing is let go of over a bowl or box: whether all that belongs there stays.
+
+        It is asked by the same detectors as the goal. None for a subtask that puts nothing into such a thing.
+        """
+        world, item, vessel = self._world, subtask.target, subtask.support_goal
+        if vessel not in world.dynamic_ids or Atom("inside", (item, vessel)) not in atoms(subtask.goal):
+            return None
+        known = (Atom("inside", (name, vessel)) for name in world.dynamic_ids if name not in (item, vessel))
+        wanted = (Atom("inside", (item, vessel)), *(atom for atom in known if judge(atom, world)[0].satisfied))
+
+        def lands(T_world_item: Array) -> bool:
+            return all(lands_from(transform(np.eye(3), np.array(off_m)) @ T_world_item) for off_m in OFF_M)
+
+        def lands_from(T_world_item: Array) -> bool:
+            moved = T_world_item @ inverse(world.T_world_link(item))
+            released = {name: moved @ world.T_world_link(name) for name in world.along}
+            with at_rest_within(world, released, vessel) as rested:
+                first, *others = (judge(atom, rested)[0] for atom in wanted)
+                leans_deg, depth_m = first.measurements.tilted_deg or 0.0, first.measurements.centre_depth_m or 0.0
+                surely = leans_deg <= LEANS_DEG - SPARE_DEG and depth_m >= SPARE_M
+                return surely and all(reading.satisfied for reading in (first, *others))
+
+        return lands
 
     def _step(self, session: Session, index: int, bystanders: Bystanders) -> tuple[Session, StepRecord]:
         action = session.flow[session.step]

@@ -4,11 +4,15 @@ A motion puts the robot where its path ends, together with what it holds, or wit
 The fingers close until they touch; what both touch is held. What is let go of comes down onto what is below it. The
 bodies are those of the physics, and so are the contacts that monitors and detectors read; forces are not: fingers
 press, a touch is no push, and an overlap is a collision.
+
+Only how something comes to rest in a bowl or box is left to physics, of these few things alone. There it slides, leans
+and pushes aside what lies there, and no geometry tells where to.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +23,11 @@ from executor.assets.asset_geometry import rolls_freely
 from executor.geometry import Array, inverse, pose_vector
 from executor.planning.cargo import cargo_of, riders
 from executor.records import Failure
+from executor.sim.detectors import touching_bodies
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
-from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor, Pushed
+from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor, Pushed, settle_to_rest
 from oag import Scene
 
 GRIP_N = 30.0
@@ -42,10 +47,12 @@ FALL_STEP_M = 0.004  # Thinner than what things are put on.
 SUNK_M = 0.0002
 MOST_FALL_M = 2.5
 MOST_RISE_M = 0.03  # By which a thing that is set upright, or was pressed down, is raised at most.
-SLIDE_STEP_M = 0.004
-"""What sinks by more than a step to the side slides: no friction between things and bowls, 0.8, holds at 45 degrees."""
+FALL_S = 0.5  # From the largest height at which a thing is let go of it falls for a third of this.
+FAR_M = 50.0  # So far off the robot stands by while things come to rest.
 
-OVER_RIM_M = 0.03  # The middle of what leans on a rim from within is not higher.
+OVER_IT_M = np.array([0.03, 0.03, 0.10])
+"""Beyond a bowl's inside: what leans on its rim from within, or stands on what is in it, comes to rest in physics."""
+
 RIGHTS_ITSELF_DEG = 25.0
 """A thing that is let go of with less tilt stands up; with more it stays as it is, and the goal's reading counts."""
 
@@ -205,7 +212,7 @@ class DryWorld(World):
 
     def come_down(self, items: tuple[str, ...]) -> None:
         """Let an item, with what stands in or on it, stand up and sink onto what is below it."""
-        item = items[0]
+        item, released = items[0], {name: self._poses[name] for name in items}
         if not rolls_freely(self.assets[item]):
             T = self._poses[item]
             up = np.round(T[2, :3]) if np.abs(T[2, :3]).max() > np.cos(np.deg2rad(RIGHTS_ITSELF_DEG)) else T[2, :3]
@@ -221,7 +228,10 @@ class DryWorld(World):
             self._lift(items, FALL_STEP_M / 2)
             risen_m += FALL_STEP_M / 2
         self._fall(items)
-        self._slide_inwards(items)
+        if (vessel := self._vessel_around(item)) is not None:
+            with at_rest_within(self, released, vessel) as rested:
+                for name in rested.dynamic_ids:
+                    self.put(name, rested.T_world_link(name))
 
     def _fall(self, items: tuple[str, ...]) -> None:
         fallen_m, step_m = 0.0, FALL_STEP_M
@@ -233,33 +243,14 @@ class DryWorld(World):
             else:
                 fallen_m += step_m
 
-    def _slide_inwards(self, items: tuple[str, ...]) -> None:
-        """Let an item slide down the wall of a bowl or box that it fell onto, as far as the wall is steep."""
-        middle = self._middle_of_hollow(items[0])
-        while middle is not None:
-            before = {item: self._poses[item] for item in items}
-            at = before[items[0]][:3, 3]
-            towards, step = middle[:2] - at[:2], np.eye(4)
-            away_m = float(np.hypot(*towards))
-            if away_m < SLIDE_STEP_M:
-                return
-            step[:2, 3] = SLIDE_STEP_M / away_m * towards
-            self._move(items, step)
-            if not self._sunk(items):
-                self._fall(items)
-            if at[2] - self._poses[items[0]][2, 3] < SLIDE_STEP_M:
-                for item, T in before.items():
-                    self.put(item, T)
-                return
-
-    def _middle_of_hollow(self, item: str) -> Array | None:
-        """Return the middle (3,) of the bowl or box that an item is over; None where it is over none."""
+    def _vessel_around(self, item: str) -> str | None:
+        """Return the bowl or box that an item is in or over; None where it is over none."""
         for vessel in self.dynamic_ids:
             for region in self.assets[vessel].regions if vessel != item else ():
                 middle = (self.T_world_link(vessel, region.link) @ np.array([*region.center_m, 1.0]))[:3]
                 off = np.abs(self._poses[item][:3, 3] - middle)
-                if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_RIM_M).all():
-                    return np.asarray(middle)
+                if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_IT_M).all():
+                    return vessel
         return None
 
     def _move(self, items: Iterable[str], T: Array) -> None:
@@ -367,3 +358,33 @@ class DryController(Controller):
     def _go(self, q: Array) -> None:
         self.target = np.array(q, dtype=float)
         self.world.place_robot(self.target)
+
+
+@contextmanager
+def at_rest_within(world: World, released: Mapping[str, Array], vessel: str) -> Iterator[World]:
+    """Yield a physical world in which items came to rest that were let go of over a bowl or box.
+
+    It has these, and what touches them or each other down to what cannot move.
+
+    Args:
+        world: Where things are now.
+        released: id -> (4, 4) where an item was let go of.
+        vessel: Id of the bowl or box.
+    """
+    names, waiting = {*released, GROUND, ROBOT}, [vessel]
+    while waiting:
+        names.add(name := waiting.pop())
+        near = touching_bodies(world, name) if name in world.dynamic_ids else ()
+        waiting += [other for other in near if other not in names]
+    objects = {name: thing for name, thing in world.scene.objects.items() if name in names}
+    parked = replace(world.scene.robot, position=(FAR_M, FAR_M, 0.0))
+    with World(replace(world.scene, objects=objects, facts=(), robot=parked)) as rested:
+        for name in rested.articulated_ids:
+            for joint in rested.assets[name].joints:
+                rested.set_joint_position(name, joint.name, world.joint_position(name, joint.name))
+        for name in rested.dynamic_ids:
+            rested.set_object_pose(name, released[name] if name in released else world.T_world_link(name))
+        start = np.array(parked.model.start(FAR_M, FAR_M, parked.yaw_rad))
+        opening_m = float(rested.robot.get_qlimits()[-1, 1])
+        settle_to_rest(Controller(rested, start, opening_m, lambda: None), FALL_S)
+        yield rested

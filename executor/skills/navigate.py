@@ -525,7 +525,8 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
         is_open = holds and any(move.parameter is None for move in moves)
         if is_open and not session.planner.robot.keeps_order:
             # What has no place is not driven before one: the next move would have no number.
-            return session.done(action, replace(measured, stance=NOMINAL), failure=search.explain_failure(moves))
+            measured = measured if search.stays_nowhere else replace(measured, stance=NOMINAL)
+            return session.done(action, measured, failure=search.explain_failure(moves))
         nominal = _nominal(session, support)
         if nominal is None:
             message = f"no free place to stand before {support}"

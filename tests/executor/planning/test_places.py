@@ -17,6 +17,7 @@ from executor.planning.placements import (
     APART_M,
     DEEPEST_M,
     EDGE_M,
+    HEAP_M,
     HOLLOW_DRAWS,
     HOLLOW_SHARE,
     SET_COST,
@@ -154,3 +155,38 @@ def test_in_a_bowl_a_thing_leaves_room_for_what_comes_later(half_m: float, to_co
         assert found(to_come_m, 0.0, {"die_0": taken}), "the later thing has a place"
     middle = {"die_0": Footprint.around(np.array([0.0, 0.0, 0.025]), np.full(3, WIDTH_M / 2))}
     assert not found(to_come_m, 0.0, middle)
+
+
+@pytest.mark.parametrize(("high_m", "heaps", "above"), [(0.05, True, True), (0.05, False, False), (0.10, True, False)])
+def test_where_no_room_is_beside_what_lies_in_a_bowl_there_is_room_above_it(
+    high_m: float, heaps: bool, above: bool
+) -> None:
+    lying = {"die_0": Footprint.around(np.array([0.0, 0.0, high_m / 2]), np.array([0.03, 0.03, high_m / 2]))}
+    rng = spot_rng(0, "apple_0", "bowl_0", "hollow")
+    found = spots(BOWL, np.eye(4), 0.07, np.zeros(3), height_m=0.03, others=lying, rng=rng, heaps=heaps)
+    assert bool(found) is above, "what is as high as this stands out of the bowl"
+    for spot in found:
+        assert spot.point_m[2] == pytest.approx(high_m) and spot.point_m[2] <= HEAP_M
+
+
+@pytest.mark.parametrize("heaps", [True, False])
+def test_an_empty_bowl_has_the_same_spots_whether_or_not_things_are_heaped(heaps: bool) -> None:
+    rng = spot_rng(0, "apple_0", "bowl_0", "hollow")
+    found = spots(BOWL, np.eye(4), 0.07, np.zeros(3), height_m=0.03, rng=rng, heaps=heaps)
+    assert found and all(spot.point_m[2] == 0.0 for spot in found)
+
+
+@pytest.mark.parametrize(("long_m", "fits"), [(0.0675, True), (0.0605, False)])
+def test_two_things_that_fit_into_a_box_by_its_diagonal_alone_have_room_in_its_corners(
+    long_m: float, fits: bool
+) -> None:
+    box = Region("hollow", "interior", "box", (0.0, 0.0, 0.034), (long_m, 0.0595, 0.034), (0.0, 0.0, 1.0))
+
+    def found(to_come_m: float, others: dict[str, Footprint]) -> list[PlacementSpot]:
+        rng = spot_rng(0, "apple_0", "box_0", "hollow")
+        return spots(box, np.eye(4), 0.07, np.zeros(3), height_m=0.07, others=others, rng=rng, to_come_m=to_come_m)
+
+    first = found(0.07, {})[0].point_m
+    lying = Footprint.around(first + [0.0, 0.0, 0.035], np.array([0.024, 0.024, 0.035]))
+    assert bool(np.abs(first[:2]).min() > 0.01) is fits, "in a corner"
+    assert bool(found(0.0, {"apple_1": lying})) is fits

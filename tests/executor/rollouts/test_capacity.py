@@ -32,8 +32,10 @@ def room(size: tuple[float, float, float], *, upward: bool, name: str = "room") 
 
 def world(item: tuple[float, float, float], region: Region, rim: Rim | None = None, up: float = 1.0) -> Any:
     pose = np.diag([1.0, 1.0, up, 1.0])
-    assets = {"thing_0": SimpleNamespace(extent_m=item), "place_0": SimpleNamespace(regions=[region], rim=rim)}
-    return SimpleNamespace(assets=assets, T_world_link=lambda _: pose)
+    solid = SimpleNamespace(kind="box", collides=True)
+    thing = SimpleNamespace(extent_m=item, links=[SimpleNamespace(shapes=[solid])])
+    assets = {"thing_0": thing, "place_0": SimpleNamespace(regions=[region], rim=rim)}
+    return SimpleNamespace(assets=assets, T_world_link=lambda _: pose, dynamic_ids=("thing_0", "place_0"))
 
 
 @given(item=SIZE, size=SIZE)
@@ -54,7 +56,20 @@ def test_what_comes_in_from_above_in_any_way_up_is_not_refused(
     item: tuple[float, float, float], size: tuple[float, float, float]
 ) -> None:
     fits = any(a <= size[0] and b <= size[1] for a, b, _ in itertools.permutations(item))
-    assert not (fits and no_room(world(item, room(size, upward=True)), PUT))
+    lies = world(item, room(size, upward=True), up=0.0)
+    assert not (fits and no_room(lies, PUT))
+    stands = world(item, room(size, upward=True))
+    assert not (fits and item[2] / 2 <= size[2] and no_room(stands, PUT))
+
+
+@pytest.mark.parametrize(("height_m", "up", "stands_out"), [(0.19, 1.0, True), (0.095, 1.0, False), (0.19, 0.0, False)])
+def test_what_keeps_its_middle_above_a_bowls_rim_as_upright_as_it_has_to_be_is_refused(
+    height_m: float, up: float, stands_out: bool
+) -> None:
+    bowl = Rim((0.0, 0.0, 0.025), 0.08, 0.004, 0.6, 0.06, 16)
+    found = no_room(world((0.07, 0.07, height_m), room((0.13, 0.13, 0.05), upward=True), bowl, up), PUT)
+    assert (found is not None) is stands_out
+    assert found is None or ("stands out" in found.message and "92 mm" in found.message and "50 mm" in found.message)
 
 
 def test_a_bottle_is_too_wide_for_a_mug_and_a_die_is_not() -> None:

@@ -8,20 +8,26 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bddl
 import executor
 import llm
 import oag
 from executor.records import Event, FailureKind
 from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.goals import judge
 from executor.scenes.library import load
+from executor.scenes.placement import AtEdge, PlaceSpec, place, stand_robot
+from executor.scenes.room import Room, stand
 from executor.sim.robot.kinematics import Kinematics
 from executor.skills import library
 from executor.skills.control import Controller
-from executor.skills.dry_run import DryController, DryWorld
+from executor.skills.dry_run import DryController, DryWorld, at_rest_within
 from executor.system.effort import Effort, SearchExhausted
 from oag import Scene, SceneObject
+from oag.model.robots import LIFTED
 
 pytestmark = pytest.mark.physics
+INSIDE = bddl.Atom("inside", ("die_0", "bowl_0"))
 QUERY = "put the glass into the refrigerator"
 
 
@@ -133,6 +139,52 @@ def test_what_falls_onto_a_bowls_wall_slides_down_it_and_what_falls_beside_it_do
             off_m[x_m] = float(world.T_world_link("die_0")[0, 3]) - x_m
     assert -0.035 < off_m[-1.955] < -0.008, "as far as the bowl's foot"
     assert off_m[-1.8] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "stays"),
+    [(0.0, True), pytest.param(0.03, False, id="it tumbles"), pytest.param(0.085, False, id="it falls beside")],
+)
+def test_how_a_thing_ends_in_a_bowl_is_found_without_changing_the_world(
+    kitchen: Scene, aside_m: float, stays: bool
+) -> None:
+    upright, size = (1.0, 0.0, 0.0, 0.0), (0.16, 0.16, 0.06)
+    bowl = SceneObject("bowl_0", "bowl", "bowl", (-2.0, -2.0, 0.03), upright, size, (1.0, 1.0, 1.0))
+    die = SceneObject("die_0", "die", "die", (-1.5, -2.0, 0.02), upright, (0.04, 0.04, 0.04), (1.0, 1.0, 1.0))
+    scene = with_things(kitchen, bowl_0=bowl, die_0=die)
+    with DryWorld(scene, Checkpoint.at_start(scene).packed) as world:
+        before, released = world.T_world_link("die_0"), world.T_world_link("die_0")
+        released[:3, 3] = (-2.0 + aside_m, -2.0, 0.10)
+        with at_rest_within(world, {"die_0": released}, "bowl_0") as rested:
+            assert set(rested.assets) == {"bowl_0", "die_0"}
+            (reading,) = judge(INSIDE, rested)
+        assert reading.satisfied is stays
+        assert np.array_equal(world.T_world_link("die_0"), before)
+
+
+@pytest.mark.parametrize(
+    ("second", "size", "word", "fits"),
+    [
+        pytest.param("half_apple", (0.066, 0.066, 0.03), "half apple", True, marks=pytest.mark.slow),
+        ("bottle", (0.06, 0.06, 0.20), "bottle", False),
+    ],
+)
+def test_an_apple_and_another_thing_go_into_a_box_that_is_hardly_large_enough(
+    second: str, size: tuple[float, float, float], word: str, fits: bool
+) -> None:
+    room = Room("two_in_a_box", "kitchen", np.random.default_rng(4), depth_m=3.6, width_m=4.0)
+    table = room.draw("table_four_legs")
+    stand(room, table, 0.0, 0.0, yaw_rad=0.0)
+    sizes = {"open_box": (0.147, 0.131, 0.074), "red_apple": (0.066, 0.066, 0.066), second: size}
+    things = {name: room.draw(name, extent_m=dict(zip("xyz", size, strict=True))) for name, size in sizes.items()}
+    for along_m, thing in zip((-0.2, 0.0, 0.2), things.values(), strict=True):
+        place(room, thing, PlaceSpec(table.id, at=AtEdge("-x", (0.12, 0.13), (along_m, along_m + 0.01))))
+    stand_robot(room)
+    scene = room.scene().with_robot(LIFTED.name)
+    found = executor.feasible(planned(scene, f"put the apple and the {word} into the box"), scene, vary=False)
+    assert found.feasible is fits, found.reason
+    if not fits:
+        assert "stands out of box_0" in found.reason and found.effort_s < 1.0, "without a search"
 
 
 def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:

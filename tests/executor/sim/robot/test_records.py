@@ -103,7 +103,7 @@ def test_bases_come_with_a_height_within_the_lift(height_m: float) -> None:
     level = np.array([[0.0, 0.0, 1.0, 1.2], [0.0, 1.0, 0.0, 0.1], [-1.0, 0.0, 0.0, height_m], [0.0, 0.0, 0.0, 1.0]])
     for robot in ROBOTS.values():
         here = np.array(robot.start(0.0, 0.0, 0.0))
-        found = base_candidates(robot, [HandGoal(level, 0.0)], here, (0.0,))
+        found = list(base_candidates(robot, [HandGoal(level, 0.0)], here, (0.0,)))
         bases = np.stack([candidate.base for candidate in found])
         assert bases.shape[1] == len(robot.base_joints)
         assert (bases[:, 3:] >= 0.0).all() and (bases[:, 3:] <= robot.lift_m).all()
