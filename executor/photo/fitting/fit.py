@@ -234,6 +234,20 @@ def update_fit(around: SearchContext, box_px: tuple[float, float, float, float],
     return _described(fine, best, others) or found
 
 
+def described(around: SearchContext, box_px: tuple[float, float, float, float], guess: PoseHypothesis) -> Fit:
+    """Return a hypothesis that was found elsewhere as a fit, with its colour, quality and spread.
+
+    Args:
+        around: The context.
+        box_px: The detection's box.
+        guess: The hypothesis, which can be built.
+    """
+    fine = _likelihood(around, box_px, FINE_PX)
+    found = _described(fine, RatedHypothesis(guess, 0.0), ())
+    assert found is not None, "it can be built"
+    return found
+
+
 def assess_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit, in_box: float) -> Fit:
     """Return a fit with the share that it explains among everything known now.
 

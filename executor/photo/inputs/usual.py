@@ -11,6 +11,7 @@ from oag.model.symbols import Kind, is_known, kind_of
 
 _USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
 _CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
+_SOFT, _SEATS, _LOUNGES, _OPEN = (frozenset(_USUAL[key]["names"]) for key in ("soft", "seats", "lounges", "open"))
 _OTHERWISE = frozenset(_USUAL["otherwise"]["names"])
 _WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word; a `wall cabinet` is furniture.
 
@@ -39,6 +40,31 @@ def is_hollow(label: str) -> bool:
 def is_inset(label: str) -> bool:
     """Return whether a thing of a name is let into a top, as a sink is."""
     return any(one in _INSET for one in _endings(label))
+
+
+def is_soft(label: str) -> bool:
+    """Return whether a thing of a name is soft, and so usually on what people sit or lie on."""
+    return any(one in _SOFT for one in _endings(label))
+
+
+def is_seat(label: str) -> bool:
+    """Return whether a piece of furniture of a name is for one person to sit on: little else is usually on it."""
+    return any(one in _SEATS for one in _endings(label))
+
+
+def is_lounge(label: str) -> bool:
+    """Return whether people sit or lie on a piece of furniture of a name, several of them or lying."""
+    return any(one in _LOUNGES for one in _endings(label))
+
+
+def is_open(label: str) -> bool:
+    """Return whether a thing of a name has gaps in its outline, through which other things are seen."""
+    return any(one in _OPEN for one in _endings(label))
+
+
+def usual_length_m(label: str) -> float | None:
+    """Return how long the longest side of a thing of a name usually is [m]; None where its name does not tell."""
+    return next((_USUAL["long"][one] for one in _endings(label) if one in _USUAL["long"]), None)
 
 
 def usual_thickness_m(label: str) -> float | None:

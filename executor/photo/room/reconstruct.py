@@ -15,6 +15,7 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
+from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
 
@@ -159,6 +160,11 @@ class _Reconstruction:
 
     def fitted(self) -> FittedRoom:
         """Fit the furniture, again among all others, then the things on it; compare each with its box in the end."""
+        if not self._room.observation.has_depth:
+            fit_without_depth(self._room, self._found, self._on_progress)
+            for index in self._all:
+                self._keep(index)
+            return _result(self._room)
         room, fitter = self._room, RoomFitter(self._room)
         boxes = range(len(room.detections))
         for index in self._standing:
