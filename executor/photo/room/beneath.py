@@ -136,6 +136,8 @@ def _cost_on(view: Observation, thing: Detection, support: Detection, *, bound: 
     if is_piece(support):
         category, draped = _category(support), soft and is_seat(label)
         carrying = is_seat(label) or carries_things(category, kind_of(category, 0.0))
+        if is_piece(thing) and (is_seat(label) or is_lounge(label)):
+            return math.inf
         if not carrying or (support.area_px < thing.area_px and not draped):
             return math.inf
         first, last = (top, bottom) if draped else face_rows(view, support)

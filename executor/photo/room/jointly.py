@@ -39,20 +39,22 @@ Regions = tuple[tuple[float, float, float, float, float], ...]
 _BOX_SHARE, _BOX_PX = 0.015, 1.0  # How exact boxes are.
 _ROBUST = 4.0  # Standard deviations from where on a side of a box counts in proportion.
 _NEAREST_M = 0.05
-_HIDES = 0.05  # Share of a box below its lower end, where something before it goes on.
+_HIDES, _HIDES_WIDE = 0.05, 0.3  # Shares of a box below its lower end, and of its width, where something is before it.
 _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
 _LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
 _ITEM_M, _PIECE_M, _ANY_SPREAD = 0.18, 0.8, 1.0  # Sizes where a name tells nothing.
 _EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
-_ASIDE_M, _ASIDE_MOST, _APART_M = 0.01, 8.0, 0.01
+_ASIDE_M, _APART_M, _SAME_M = 0.01, 0.01, 0.02
 _HEADING_RAD, _FACING = 0.15, 0.6
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
+_FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them are followed, and their steps.
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _ROUND_SIDES = 8
+_ON_LEGS = ("bed", "bench", "desk", "stand", "stool", "table")  # Other things are seen below them.
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def shapes_of(thing: Detection) -> list[ModelEntry]:
     """Return the generic shapes of a thing, the likeliest first: under a table other things are seen."""
     shapes = generic_models(thing)
     noun = (plain_name(thing.label) or "").split("_")[-1]
-    return sorted(shapes, key=lambda entry: entry.model != "generic_slab_on_legs") if noun in ("table", "desk") else shapes
+    return sorted(shapes, key=lambda entry: entry.model != "generic_slab_on_legs") if noun in _ON_LEGS else shapes
 
 
 def _misfit(entry: ModelEntry, guess: PoseHypothesis) -> float:
@@ -213,7 +215,7 @@ class Jointly:
             left, top, right, bottom = piece.thing.box_px
             over = min(x1, right) - max(x0, left)
             ends_behind = top + 0.02 * (bottom - top) < y1 < bottom - _HIDES * (y1 - y0)
-            if other != index and piece.on != index and over > 0.5 * (x1 - x0) and ends_behind:
+            if other != index and piece.on != index and over > _HIDES_WIDE * (x1 - x0) and ends_behind:
                 return True
         return False
 
@@ -389,26 +391,23 @@ class Jointly:
 
     def _start(self, index: int) -> None:
         """Place a piece alone: several turns and distances, each optimised with what seems to stand on it."""
-        best, least = None, math.inf
-        for row in self._starts(index):
-            X = self.X.copy()
+        X = self.X.copy()
 
-            def residuals(values: Array, X: Array = X) -> Array:
-                X[index] = values
-                parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
-                parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
-                if self.pieces[index].on >= 0:
-                    parts.append(self._on_top(X, index))
-                self.placed[index] = True
-                parts.append(self._apart(X, self._bottoms(X), [index]))
-                self.placed[index] = False
-                return np.concatenate(parts)
+        def residuals(values: Array) -> Array:
+            X[index] = values
+            parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
+            parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
+            if self.pieces[index].on >= 0:
+                parts.append(self._on_top(X, index))
+            parts.append(self._apart(X, self._bottoms(X), [index]))
+            return np.concatenate(parts)
 
-            found = least_squares(residuals, row, x_scale="jac", max_nfev=15)
-            if found.cost < least:
-                best, least = found.x, found.cost
-        assert best is not None
-        self.X[index] = best
+        self.placed[index] = True
+        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in self._starts(index)]
+        begun = sorted(begun, key=lambda one: float(one.cost))[:_FOLLOWED]
+        ended = [least_squares(residuals, one.x, x_scale="jac", max_nfev=_SECOND) for one in begun]
+        self.X[index] = min(ended, key=lambda one: float(one.cost)).x
+        self.X[index, 2] = math.remainder(self.X[index, 2], 2 * math.pi)
 
     def _starts(self, index: int) -> list[Array]:
         piece, view = self.pieces[index], self.view
@@ -521,9 +520,13 @@ def _turned(at: Array, turn: float) -> Array:
 
 
 def _overlaps(first: Array, second: Array) -> Array:
-    """Return (N,) how deep upright boxes (N, 7) are in each other: middle, half sides, lower end and turn."""
+    """Return (N,) how far upright boxes (N, 7) are to be moved aside: middle, half sides, lower end and turn.
+
+    One that is over the other is not in it; that none escapes by becoming flat, the overlap of heights hardly counts.
+    """
     high = np.minimum(first[:, 5] + 2 * first[:, 4], second[:, 5] + 2 * second[:, 4])
-    deep = high - np.maximum(first[:, 5], second[:, 5])
+    same = np.clip((high - np.maximum(first[:, 5], second[:, 5])) / _SAME_M, 0.0, 1.0)
+    deep = np.full(len(first), np.inf)
     apart = second[:, :2] - first[:, :2]
     for turn in (first[:, 6], second[:, 6]):
         for axis in ((np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))):
@@ -533,4 +536,4 @@ def _overlaps(first: Array, second: Array) -> Array:
                 for one in (first, second)
             )
             deep = np.minimum(deep, reach - np.abs(apart[:, 0] * axis[0] + apart[:, 1] * axis[1]))
-    return np.maximum(deep, 0.0)
+    return np.asarray(np.maximum(deep, 0.0) * same)
