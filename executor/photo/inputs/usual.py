@@ -11,7 +11,9 @@ from oag.model.symbols import Kind, is_known, kind_of
 
 _USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
 _CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
-_SOFT, _SEATS, _LOUNGES, _OPEN = (frozenset(_USUAL[key]["names"]) for key in ("soft", "seats", "lounges", "open"))
+_SOFT, _SEATS, _LOUNGES, _OPEN, _FLOORED = (
+    frozenset(_USUAL[key]["names"]) for key in ("soft", "seats", "lounges", "open", "floored")
+)
 _OTHERWISE = frozenset(_USUAL["otherwise"]["names"])
 _WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word; a `wall cabinet` is furniture.
 
@@ -55,6 +57,11 @@ def is_seat(label: str) -> bool:
 def is_lounge(label: str) -> bool:
     """Return whether people sit or lie on a piece of furniture of a name, several of them or lying."""
     return any(one in _LOUNGES for one in _endings(label))
+
+
+def is_usual_on_floor(label: str) -> bool:
+    """Return whether an item of a name is as usual on the floor as on furniture."""
+    return any(one in _FLOORED for one in _endings(label))
 
 
 def is_open(label: str) -> bool:

@@ -19,7 +19,7 @@ from executor.photo.fitting.likelihood import top_shares, usual_size_m
 from executor.photo.fitting.starts import foot_of, named_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection, plain_name
-from executor.photo.inputs.usual import carries, hung_depth_m, is_lounge, is_open, is_seat, is_soft, usual_height_m, usual_length_m
+from executor.photo.inputs.usual import carries, hung_depth_m, is_lounge, is_open, is_usual_on_floor, is_seat, is_soft, usual_height_m, usual_length_m
 from executor.photo.room.estimate import is_furniture
 from oag.model.symbols import carries_things, has_boards, is_known, kind_of
 
@@ -34,9 +34,14 @@ _TALLER = 1.6  # Than its kind: what would be so large on the floor is not there
 _WIDEST_ITEM_M, _FARTHEST_M = 1.2, 7.0  # Of an item on the floor of a room.
 _NARROW = 1.25  # Times as wide as the item below it.
 _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it.
-_OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _IN_BOARDS, _ON_ITEM = 0.7, 0.4, 1.0, 2.0, 1.0, -1.5
-_OFF_SHARE, _FRONT = 0.2, 1.5  # Of a thing's shorter side, beside a face; most that its front edge costs.
+_OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _IN_BOARDS, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, 1.0, -1.5, 4.0
+_LEAST_WIDE = 0.6  # Of a thing's width, a support shows.
+_OFF_SHARE, _NEAR_SHARE, _FRONT = 0.2, 0.06, 1.5
+"""Of a thing's shorter side, beside a face; most of the picture's width that such a side is; most that its front edge costs."""
+
 _ON_FLOOR, _HIDDEN, _MOST = 2.5, 3.0, 12.0
+_ON_LEGS = ("bed", "bench", "desk", "stand", "stool", "table")  # Other things are seen below them.
+_HIDES, _HIDES_WIDE = 0.05, 0.3  # Shares of a box below its lower end, and of its width, where something is before it.
 _SIZE_SPREAD, _SIZE_MOST, _WITHIN = 0.35, 3.0, 0.9
 
 
@@ -68,10 +73,25 @@ def top_m(thing: Detection) -> float:
     return height_m if shares is None else height_m * shares[0]
 
 
-def face_rows(view: Observation, thing: Detection) -> tuple[float, float]:
+def is_foot_hidden(view: Observation, things: Sequence[Detection], index: int) -> bool:
+    """Return whether nearer furniture is before the lower end of a piece: its box then ends too early."""
+    x0, y0, x1, y1 = things[index].box_px
+    if not is_piece(things[index]) or y1 > _cut_px(view):
+        return False
+    for other, thing in enumerate(things):
+        left, top, right, bottom = thing.box_px
+        over, behind = min(x1, right) - max(x0, left), top + 0.02 * (bottom - top) < y1
+        if other != index and is_piece(thing) and over > _HIDES_WIDE * (x1 - x0) and behind:
+            if y1 < bottom - _HIDES * (y1 - y0):
+                return True
+    return False
+
+
+def face_rows(view: Observation, things: Sequence[Detection], index: int) -> tuple[float, float]:
     """Return the first and last row in which a piece of furniture shows its top."""
-    x0, y0, x1, y1 = thing.box_px
-    foot = foot_of(view, thing.box_px, 0.0)
+    thing = things[index]
+    _, y0, _, y1 = thing.box_px
+    foot = None if is_foot_hidden(view, things, index) else foot_of(view, thing.box_px, 0.0)
     if y1 > _cut_px(view) or foot is None:
         return y0, y1
     edge = view.pixels(np.array([[*foot, top_m(thing)]]))[0, 1]
@@ -90,16 +110,18 @@ def _support_of(view: Observation, things: Sequence[Detection], index: int) -> i
         return FLOOR
     rated = [
         (cost, other)
-        for other, support in enumerate(things)
-        if other != index and math.isfinite(cost := _cost_on(view, thing, support, bound=piece or hung))
+        for other in range(len(things))
+        if other != index and math.isfinite(cost := _cost_on(view, things, other, thing, bound=piece or hung))
     ]
     foot = foot_of(view, thing.box_px, 0.0)
     x0, y0, x1, y1 = thing.box_px
     far_m = math.inf if foot is None else float(np.hypot(*foot))
     large_m = min(x1 - x0, y1 - y0) / view.K.fx * far_m
     if not (hung or standing or far_m > _FARTHEST_M or large_m > _WIDEST_ITEM_M):
-        hidden = any(_shows(view, support, thing) for other, support in enumerate(things) if other != index)
-        rated.append((_ON_FLOOR + _size_cost(view, thing, 0.0) + _HIDDEN * hidden, FLOOR))
+        others = [other for other in range(len(things)) if other != index]
+        beneath = any(_is_beneath(view, things, other, thing) for other in others)
+        hidden = not beneath and any(_shows(view, things, other, thing) for other in others)
+        rated.append(((0.0 if beneath or is_usual_on_floor(thing.label) else _ON_FLOOR) + _size_cost(view, thing, 0.0) + _HIDDEN * hidden, FLOOR))
     best = min(rated, default=(math.inf, WALL))
     return best[1] if best[0] < _MOST else WALL
 
@@ -114,35 +136,52 @@ def _category(thing: Detection) -> str:
     return thing.category or plain_name(thing.label) or ""
 
 
-def _shows(view: Observation, support: Detection, thing: Detection) -> bool:
+def _is_beneath(view: Observation, things: Sequence[Detection], index: int, thing: Detection) -> bool:
+    """Return whether all that is seen of a thing is between the front edge of a top and where its legs end."""
+    (x0, y0, x1, y1), (left, _, right, bottom) = thing.box_px, things[index].box_px
+    first, last = face_rows(view, things, index)
+    inside = left < x0 and x1 < right + 0.2 * (x1 - x0) and last - _TOLERANT * (last - first) < y0 and y1 < bottom
+    return inside and is_on_legs(things[index])
+
+
+def is_on_legs(thing: Detection) -> bool:
+    """Return whether a piece of furniture shows what is below it."""
+    return (plain_name(thing.label) or "").split("_")[-1] in _ON_LEGS
+
+
+def _shows(view: Observation, things: Sequence[Detection], index: int, thing: Detection) -> bool:
     """Return whether a thing ends where a piece of furniture shows its top, which hides the floor."""
+    support = things[index]
     x0, _, x1, y1 = thing.box_px
     left, _, right, _ = support.box_px
-    first, last = face_rows(view, support)
+    first, last = face_rows(view, things, index)
     return is_piece(support) and not is_open(support.label) and left < (x0 + x1) / 2 < right and first < y1 < last
 
 
-def _cost_on(view: Observation, thing: Detection, support: Detection, *, bound: bool) -> float:
+def _cost_on(view: Observation, things: Sequence[Detection], index: int, thing: Detection, *, bound: bool) -> float:
     """Return what a support costs; infinite where it carries nothing.
 
     Args:
         view: The picture.
-        thing, support: The two.
+        things: All things.
+        index: Number of the support.
+        thing: What may stand on it.
         bound: Whether the thing has to end within the support's face: it may as well hang.
     """
+    support = things[index]
     (x0, y0, x1, y1), (left, top, right, bottom) = thing.box_px, support.box_px
     label, soft = support.label, is_soft(thing.label)
-    side, cost = min(x1 - x0, y1 - y0), 0.0
+    side, cost = min(x1 - x0, y1 - y0, _NEAR_SHARE * view.size_px[0]), 0.0
     if is_piece(support):
         category, draped = _category(support), soft and is_seat(label)
         carrying = is_seat(label) or carries_things(category, kind_of(category, 0.0))
         if is_piece(thing) and (is_seat(label) or is_lounge(label)):
             return math.inf
-        if not carrying or (support.area_px < thing.area_px and not draped):
+        if not carrying or (right - left < _LEAST_WIDE * (x1 - x0) and not draped):
             return math.inf
-        first, last = (top, bottom) if draped else face_rows(view, support)
+        first, last = (top, bottom) if draped else face_rows(view, things, index)
         over = max(0.0, min(x1, right) - max(x0, left)) * max(0.0, min(y1, bottom) - max(y0, top)) / thing.area_px
-        cost += _OUTSIDE * (1.0 - over) + _AREA * math.log(support.area_px / thing.area_px)
+        cost += _OUTSIDE * (1.0 - over) + _AREA * max(0.0, math.log(support.area_px / thing.area_px))
         for_people = is_seat(label) or is_lounge(label)
         cost += (_ON_SEAT if is_seat(label) and not soft else _UNUSUAL) * (for_people is not soft)
         is_boarded = has_boards(category)
@@ -152,8 +191,10 @@ def _cost_on(view: Observation, thing: Detection, support: Detection, *, bound: 
             last = bottom
         if bound and not first + _INTO * (last - first) < y1 < last:
             return math.inf
-    elif _is_on(thing, support):
+    elif _is_on(thing, support, _INTO):
         first, last, cost = top, bottom, _ON_ITEM
+    elif _is_on(thing, support, -_INTO):
+        first, last, cost = top - _INTO * (bottom - top), bottom, _MAYBE_ON_ITEM
     else:
         return math.inf
     middle = (x0 + x1) / 2
@@ -186,14 +227,18 @@ def longest_m(thing: Detection) -> float | None:
     return named_m if named_m is not None or not entries else max(max(usual_size_m(entry)) for entry in entries)
 
 
-def _is_on(thing: Detection, item: Detection) -> bool:
+def _is_on(thing: Detection, item: Detection, into: float) -> bool:
     """Return whether a thing is on an item that usually carries others: its box ends well within the item's.
 
     What stands behind an item of some height ends at that one's outline.
+
+    Args:
+        thing, item: The two.
+        into: Share of the item's box, below its upper edge, from where on a thing's end is within it.
     """
     (x0, _, x1, y1), (left, top, right, bottom) = thing.box_px, item.box_px
     aside, down = ((x0 + x1 - left - right) / (right - left), (2 * y1 - top - bottom) / (bottom - top))
-    ends_in_it = math.hypot(aside, down) < 1.0 and down > 2 * _INTO - 1.0
+    ends_in_it = math.hypot(aside, max(down, -1.0 + 2 * _INTO)) < 1.0 and down > 2 * into - 1.0
     return ends_in_it and carries(item.label) and x1 - x0 < _NARROW * (right - left)
 
 

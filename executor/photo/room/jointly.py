@@ -28,8 +28,8 @@ from executor.photo.fitting.likelihood import OF_RANGE, is_large, usual_size_m
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import generic_models, named_models
 from executor.photo.geometry.observation import Observation
-from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
-from executor.photo.room.beneath import BORDER_SHARE
+from executor.photo.inputs.annotations import Detection
+from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
 from executor.photo.inputs.usual import is_seat, usual_height_m, usual_length_m, usual_thickness_m
 from oag.model.symbols import has_boards
 
@@ -39,7 +39,7 @@ Regions = tuple[tuple[float, float, float, float, float], ...]
 _BOX_SHARE, _BOX_PX = 0.015, 1.0  # How exact boxes are.
 _ROBUST = 4.0  # Standard deviations from where on a side of a box counts in proportion.
 _NEAREST_M = 0.05
-_HIDES, _HIDES_WIDE = 0.05, 0.3  # Shares of a box below its lower end, and of its width, where something is before it.
+_HIDDEN = 0.1  # Weight of a lower end that something hides.
 _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
@@ -54,7 +54,6 @@ _FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them 
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _ROUND_SIDES = 8
-_ON_LEGS = ("bed", "bench", "desk", "stand", "stool", "table")  # Other things are seen below them.
 
 
 @dataclass(frozen=True)
@@ -151,8 +150,8 @@ def modelled(thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
 def shapes_of(thing: Detection) -> list[ModelEntry]:
     """Return the generic shapes of a thing, the likeliest first: under a table other things are seen."""
     shapes = generic_models(thing)
-    noun = (plain_name(thing.label) or "").split("_")[-1]
-    return sorted(shapes, key=lambda entry: entry.model != "generic_slab_on_legs") if noun in _ON_LEGS else shapes
+    legs_first = sorted(shapes, key=lambda entry: entry.model != "generic_slab_on_legs")
+    return legs_first if is_on_legs(thing) else shapes
 
 
 def _misfit(entry: ModelEntry, guess: PoseHypothesis) -> float:
@@ -181,7 +180,7 @@ class Jointly:
         self.placed = np.zeros(count, dtype=bool)
         width, height = view.size_px
         self._box = np.array([_snapped(piece.thing.box_px, width, height) for piece in pieces])
-        self._hidden_low = np.array([self._is_foot_hidden(index) for index in range(count)])
+        self._hidden_low = np.array([is_foot_hidden(view, [one.thing for one in pieces], index) for index in range(count)])
         sides = np.tile(self._box[:, 2:] - self._box[:, :2], 2)
         self._sigma = _BOX_SHARE * sides + _BOX_PX * width / 1000.0
         near_m = np.array([0.0, 0.0, 0.0, 0.0, _NEAREST_M])
@@ -204,20 +203,6 @@ class Jointly:
     def _depth(self, index: int) -> int:
         on = self.pieces[index].on
         return 0 if on < 0 else 1 + self._depth(on)
-
-    def _is_foot_hidden(self, index: int) -> bool:
-        """Return whether something nearer is before the lower end of furniture: its box then ends too early."""
-        thing, size = self.pieces[index].thing, self.view.size_px
-        x0, y0, x1, y1 = thing.box_px
-        if self.pieces[index].on != FLOOR or not is_large(self.pieces[index].entry) or y1 > (1 - BORDER_SHARE) * size[1]:
-            return False
-        for other, piece in enumerate(self.pieces):
-            left, top, right, bottom = piece.thing.box_px
-            over = min(x1, right) - max(x0, left)
-            ends_behind = top + 0.02 * (bottom - top) < y1 < bottom - _HIDES * (y1 - y0)
-            if other != index and piece.on != index and over > _HIDES_WIDE * (x1 - x0) and ends_behind:
-                return True
-        return False
 
     def _model(self, index: int, entry: ModelEntry) -> None:
         """Take a model for a piece, with the tops on which others are."""
@@ -317,7 +302,7 @@ class Jointly:
     def _box_residuals(self, X: Array, rows: Sequence[int]) -> Array:
         """Return how far outlines are off their boxes, in standard deviations; what hides a foot hides how low it is."""
         off = (self._bounds(X, rows) - self._box[rows]) / self._sigma[rows]
-        off[:, 3] = np.where(self._hidden_low[rows], np.minimum(off[:, 3], 0.0), off[:, 3])
+        off[:, 3] = np.where(self._hidden_low[rows] & (off[:, 3] > 0.0), _HIDDEN * off[:, 3], off[:, 3])
         return _robust(off, _ROBUST).ravel()
 
     def _size_residuals(self, X: Array, rows: Sequence[int]) -> Array:
