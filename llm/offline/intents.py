@@ -270,6 +270,7 @@ _SHAPES = {
     "generic_box": Affordances(surface=True),
     "generic_cylinder": Affordances(surface=True),
     "generic_slab_on_legs": Affordances(surface=True),
+    "generic_panel_on_stand": Affordances(),
     "generic_open_box": Affordances(interior=True),
     "carton": Affordances(surface=True),
     "book_lying": Affordances(surface=True),

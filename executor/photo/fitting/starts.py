@@ -80,7 +80,8 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     such as a sink, is nothing else.
     """
     category = plain_name(detection.label) or THING
-    entries = [replace(entry, category=category) for entry in GENERIC.values()]
+    # A panel on a stand is for what a box alone tells of: depth shows more.
+    entries = [replace(one, category=category) for one in GENERIC.values() if one.model != "generic_panel_on_stand"]
     if is_hollow(detection.label):
         return [entry for entry in entries if entry.model == "generic_open_box"]
     is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM

@@ -11,8 +11,8 @@ from oag.model.symbols import Kind, is_known, kind_of
 
 _USUAL: dict[str, Any] = tomllib.loads((resources.files("executor.photo") / "data" / "usual.toml").read_text("utf-8"))
 _CARRIERS, _HOLLOWS, _INSET = (frozenset(_USUAL[key]["names"]) for key in ("carriers", "hollows", "inset"))
-_SOFT, _SEATS, _LOUNGES, _OPEN, _FLOORED = (
-    frozenset(_USUAL[key]["names"]) for key in ("soft", "seats", "lounges", "open", "floored")
+_SOFT, _SEATS, _LOUNGES, _OPEN, _FLOORED, _PANELS = (
+    frozenset(_USUAL[key]["names"]) for key in ("soft", "seats", "lounges", "open", "floored", "panels")
 )
 _OTHERWISE = frozenset(_USUAL["otherwise"]["names"])
 _WALL, _WALL_DEEP_M = "wall", 0.10  # A `wall lamp` hangs by its first word; a `wall cabinet` is furniture.
@@ -57,6 +57,11 @@ def is_seat(label: str) -> bool:
 def is_lounge(label: str) -> bool:
     """Return whether people sit or lie on a piece of furniture of a name, several of them or lying."""
     return any(one in _LOUNGES for one in _endings(label))
+
+
+def is_panel(label: str) -> bool:
+    """Return whether a thing of a name is a panel on a stand, below which other things are seen."""
+    return any(one in _PANELS for one in _endings(label))
 
 
 def is_usual_on_floor(label: str) -> bool:

@@ -81,7 +81,9 @@ def is_foot_hidden(view: Observation, things: Sequence[Detection], index: int) -
     for other, thing in enumerate(things):
         left, top, right, bottom = thing.box_px
         over, behind = min(x1, right) - max(x0, left), top + 0.02 * (bottom - top) < y1
-        if other != index and is_piece(thing) and over > _HIDES_WIDE * (x1 - x0) and behind:
+        # A coffee table stands before the sofa in whose box it is.
+        before = is_piece(thing) and not (is_lounge(thing.label) and is_on_legs(things[index]))
+        if other != index and before and over > _HIDES_WIDE * (x1 - x0) and behind:
             if y1 < bottom - _HIDES * (y1 - y0):
                 return True
     return False

@@ -30,7 +30,7 @@ from executor.photo.fitting.starts import generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
-from executor.photo.inputs.usual import is_seat, usual_height_m, usual_length_m, usual_thickness_m
+from executor.photo.inputs.usual import is_panel, is_seat, usual_height_m, usual_length_m, usual_thickness_m
 from oag.model.symbols import has_boards
 
 Regions = tuple[tuple[float, float, float, float, float], ...]
@@ -105,7 +105,7 @@ def _edges(entry: ModelEntry) -> Array:
 def _parts(entry: ModelEntry) -> Array:
     """Return (N, 2, 3) lowest and highest corners of the solid parts of a model in a unit box, boxes of all."""
     size_m = usual_size_m(entry)
-    if entry.model in GENERIC and entry.model != "generic_slab_on_legs":
+    if entry.model in ("generic_box", "generic_cylinder", "generic_open_box"):
         return np.array([[[-0.5] * 3, [0.5] * 3]])
     thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
     found = []
@@ -150,6 +150,8 @@ def modelled(thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
 def shapes_of(thing: Detection) -> list[ModelEntry]:
     """Return the generic shapes of a thing, the likeliest first: under a table other things are seen."""
     shapes = generic_models(thing)
+    if is_panel(thing.label):
+        return [replace(GENERIC["generic_panel_on_stand"], category=shapes[0].category), *shapes]
     legs_first = sorted(shapes, key=lambda entry: entry.model != "generic_slab_on_legs")
     return legs_first if is_on_legs(thing) else shapes
 
