@@ -42,8 +42,8 @@ _FRICTION, _ITEM_KG_M3 = 0.8, 400.0
 _WALL_SHARE, _WALL_M = 0.08, (0.001, 0.015)  # Of the shortest side; limits of an open box's wall.
 _TOP_SHARE, _TOP_M = 0.12, 0.04  # Of a slab's height; its largest thickness.
 _PANEL_SHARE, _CLEAR_SHARE, _FOOT_SHARE, _NECK_SHARE, _FOOT_M = 0.3, 0.25, 0.4, 0.12, 0.015
-"""Of a panel on a stand: its thickness and the clearance below it, in shares of length and height; half sides of its foot
-and its neck, in shares of half the width; the thickest foot."""
+"""Of a panel on a stand: its thickness and the clearance below it, in shares of length and height; half sides of its
+foot and its neck, in shares of half the width; the thickest foot."""
 
 _LEG_SHARE, _LEG_M = 0.15, 0.05  # Of the shorter side; the widest leg.
 

@@ -293,17 +293,6 @@ def foot_of(observation: Observation, box_px: tuple[float, float, float, float],
     return np.asarray((observation.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
 
 
-def feet_of(observation: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:
-    """Return (N, 2) the points of a level plane where boxes end.
-
-    Without boxes it is the plane's point that the camera looks at, or the origin.
-    """
-    found = [foot for box in boxes_px if (foot := foot_of(observation, box, height_m)) is not None]
-    width, height = observation.size_px
-    middle = foot_of(observation, (0.0, 0.0, float(width), height / 2), height_m)
-    return np.array(found or [np.zeros(2) if middle is None else middle])
-
-
 def _placed(
     entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m: Sequence[float]
 ) -> Iterator[PoseHypothesis]:

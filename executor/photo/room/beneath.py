@@ -1,8 +1,8 @@
 """What stands on what in a picture without depth, by boxes, names and the camera's pose alone.
 
-Where a box ends in the picture, its thing touches what carries it. A support shows its upper face from the upper edge of
-its box down to the front edge of its top. That edge is known: the box ends where the front meets the floor, and tops of
-a kind are about equally high.
+Where a box ends in the picture, its thing touches what carries it. A support shows its upper face from the upper edge
+of its box down to the front edge of its top. That edge is known: the box ends where the front meets the floor, and tops
+of a kind are about equally high.
 """
 
 from __future__ import annotations
@@ -19,7 +19,17 @@ from executor.photo.fitting.likelihood import top_shares, usual_size_m
 from executor.photo.fitting.starts import foot_of, named_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection, plain_name
-from executor.photo.inputs.usual import carries, hung_depth_m, is_lounge, is_open, is_usual_on_floor, is_seat, is_soft, usual_height_m, usual_length_m
+from executor.photo.inputs.usual import (
+    carries,
+    hung_depth_m,
+    is_lounge,
+    is_open,
+    is_seat,
+    is_soft,
+    is_usual_on_floor,
+    usual_height_m,
+    usual_length_m,
+)
 from executor.photo.room.estimate import is_furniture
 from oag.model.symbols import carries_things, has_boards, is_known, kind_of
 
@@ -37,7 +47,8 @@ _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it
 _OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _IN_BOARDS, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, 1.0, -1.5, 4.0
 _LEAST_WIDE = 0.6  # Of a thing's width, a support shows.
 _OFF_SHARE, _NEAR_SHARE, _FRONT = 0.2, 0.06, 1.5
-"""Of a thing's shorter side, beside a face; most of the picture's width that such a side is; most that its front edge costs."""
+"""Of a thing's shorter side, beside a face; most of the width of the picture that such a side is; most that the front
+edge of a face costs."""
 
 _ON_FLOOR, _HIDDEN, _MOST = 2.5, 3.0, 12.0
 _ON_LEGS = ("bed", "bench", "desk", "stand", "stool", "table")  # Other things are seen below them.
@@ -83,9 +94,9 @@ def is_foot_hidden(view: Observation, things: Sequence[Detection], index: int) -
         over, behind = min(x1, right) - max(x0, left), top + 0.02 * (bottom - top) < y1
         # A coffee table stands before the sofa in whose box it is.
         before = is_piece(thing) and not (is_lounge(thing.label) and is_on_legs(things[index]))
-        if other != index and before and over > _HIDES_WIDE * (x1 - x0) and behind:
-            if y1 < bottom - _HIDES * (y1 - y0):
-                return True
+        ends_before = behind and y1 < bottom - _HIDES * (y1 - y0)
+        if other != index and before and over > _HIDES_WIDE * (x1 - x0) and ends_before:
+            return True
     return False
 
 
@@ -123,7 +134,8 @@ def _support_of(view: Observation, things: Sequence[Detection], index: int) -> i
         others = [other for other in range(len(things)) if other != index]
         beneath = any(_is_beneath(view, things, other, thing) for other in others)
         hidden = not beneath and any(_shows(view, things, other, thing) for other in others)
-        rated.append(((0.0 if beneath or is_usual_on_floor(thing.label) else _ON_FLOOR) + _size_cost(view, thing, 0.0) + _HIDDEN * hidden, FLOOR))
+        unusual = 0.0 if beneath or is_usual_on_floor(thing.label) else _ON_FLOOR
+        rated.append((unusual + _size_cost(view, thing, 0.0) + _HIDDEN * hidden, FLOOR))
     best = min(rated, default=(math.inf, WALL))
     return best[1] if best[0] < _MOST else WALL
 
@@ -204,7 +216,8 @@ def _cost_on(view: Observation, things: Sequence[Detection], index: int, thing: 
     if bound and aside > 0.0:
         return math.inf
     # The front edge of a top is a guess by its kind.
-    front = min(0.5 * (off / side / _OFF_SHARE) ** 2, _FRONT) if last < y1 < bottom else 0.5 * (off / side / _OFF_SHARE) ** 2
+    front = 0.5 * (off / side / _OFF_SHARE) ** 2
+    front = min(front, _FRONT) if last < y1 < bottom else front
     return cost + front + 0.5 * (aside / side / _OFF_SHARE) ** 2
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
+from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import described
 from executor.photo.fitting.hypothesis import as_built, raycaster_of
 from executor.photo.fitting.likelihood import Fit
@@ -17,11 +17,11 @@ from executor.photo.inputs.annotations import WALL, Detection
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
-from executor.photo.room.jointly import Jointly, Piece, modelled, shapes_of, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
 
 
 def fit_without_depth(
-    room: RoomEstimate, kept: Mapping[int, Fit], on_progress: Callable[[str], None]
+    room: RoomEstimate, kept: Mapping[int, Fit], on_progress: Callable[[str], None], *, rough: bool = False
 ) -> None:
     """Fit every thing of a picture without depth.
 
@@ -29,6 +29,7 @@ def fit_without_depth(
         room: The estimate, with the fits that stay; it gets the others.
         kept: index -> fit that stays.
         on_progress: Called with a sentence about each step.
+        rough: Whether each thing alone does, without all of them at once.
     """
     view, things = room.observation, room.detections
     on = supports_of(view, things)
@@ -40,7 +41,7 @@ def fit_without_depth(
     roots = [_root(on, index) for index in range(len(things))]
     standing = [index for index in range(len(things)) if on[roots[index]] != WALL and index not in kept]
     on_progress(f"fitting {len(standing)} things at once")
-    problem.solve(standing)
+    problem.solve(standing, 0 if rough else MOST_STEPS)
     for index in standing:
         room.add_fit(index, _fit(room, problem, index))
     hanging = [index for index in range(len(things)) if on[index] == WALL and index not in kept]
@@ -55,12 +56,14 @@ def fit_without_depth(
         problem.put(index, fit.guess)
     rest = [index for index in range(len(things)) if index not in room.fits and index not in hanging]
     if rest:
-        problem.solve(rest)
+        problem.solve(rest, 0 if rough else MOST_STEPS)
         for index in rest:
             room.add_fit(index, _fit(room, problem, index))
     for index in range(len(things)):
         if index in room.fits and index not in kept:
-            room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
+            room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
+        elif index not in room.fits:
+            room.lost.setdefault(index, LostCause.STANDS)
 
 
 def _with_wall(things: Sequence[Detection], index: int) -> Sequence[Detection]:

@@ -29,8 +29,8 @@ from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection
-from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
 from executor.photo.inputs.usual import is_panel, is_seat, usual_height_m, usual_length_m, usual_thickness_m
+from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
 from oag.model.symbols import has_boards
 
 Regions = tuple[tuple[float, float, float, float, float], ...]
@@ -46,10 +46,13 @@ _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.0
 _LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
 _ITEM_M, _PIECE_M, _ANY_SPREAD = 0.18, 0.8, 1.0  # Sizes where a name tells nothing.
 _EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
-_ASIDE_M, _APART_M, _SAME_M = 0.01, 0.01, 0.02
+_ASIDE_M, _APART_M, _SAME_M = 0.01, (0.01, 0.002), 0.02
 _HEADING_RAD, _FACING = 0.15, 0.6
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
+MOST_STEPS = 12
+"""Of the search for all things at once."""
+
 _FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them are followed, and their steps.
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
@@ -178,11 +181,13 @@ class Jointly:
         self.view, self.pieces = view, list(pieces)
         count = len(pieces)
         self.X = np.zeros((count, 6))
+        self._apart_m = _APART_M[0]
         self.base_m = np.zeros(count)  # Lower ends of what hangs.
         self.placed = np.zeros(count, dtype=bool)
         width, height = view.size_px
         self._box = np.array([_snapped(piece.thing.box_px, width, height) for piece in pieces])
-        self._hidden_low = np.array([is_foot_hidden(view, [one.thing for one in pieces], index) for index in range(count)])
+        things = [piece.thing for piece in pieces]
+        self._hidden_low = np.array([is_foot_hidden(view, things, index) for index in range(count)])
         sides = np.tile(self._box[:, 2:] - self._box[:, :2], 2)
         self._sigma = _BOX_SHARE * sides + _BOX_PX * width / 1000.0
         near_m = np.array([0.0, 0.0, 0.0, 0.0, _NEAREST_M])
@@ -214,7 +219,7 @@ class Jointly:
         for one in self._above[index]:
             self.pieces[one] = with_region(self.pieces[one], self.pieces[index])
 
-    def solve(self, free: Sequence[int], evaluations: int = 20) -> None:
+    def solve(self, free: Sequence[int], evaluations: int) -> None:
         """Start every free piece that has no place, what carries before what is carried, then optimise them at once."""
         for index in (one for one in self._order if one in free):
             if not self.placed[index]:
@@ -225,7 +230,7 @@ class Jointly:
                     self._start(index)
                 self.placed[index] = True
         rows = list(free)
-        if not rows:
+        if not rows or not evaluations:
             return
 
         def residuals(values: Array) -> Array:
@@ -233,8 +238,10 @@ class Jointly:
             X[rows] = values.reshape(-1, 6)
             return self._residuals(X, rows)
 
-        found = least_squares(residuals, self.X[rows].ravel(), x_scale="jac", max_nfev=evaluations)
-        self.X[rows] = found.x.reshape(-1, 6)
+        # Overlaps count more in the end, when all else has found its place.
+        for self._apart_m in _APART_M:
+            found = least_squares(residuals, self.X[rows].ravel(), x_scale="jac", max_nfev=evaluations)
+            self.X[rows] = found.x.reshape(-1, 6)
 
     def pose(self, index: int) -> PoseHypothesis:
         """Return the hypothesis of a piece."""
@@ -302,7 +309,7 @@ class Jointly:
         return np.concatenate(parts)
 
     def _box_residuals(self, X: Array, rows: Sequence[int]) -> Array:
-        """Return how far outlines are off their boxes, in standard deviations; what hides a foot hides how low it is."""
+        """Return how far outlines are off their boxes, in standard deviations; a hidden foot may be lower."""
         off = (self._bounds(X, rows) - self._box[rows]) / self._sigma[rows]
         off[:, 3] = np.where(self._hidden_low[rows] & (off[:, 3] > 0.0), _HIDDEN * off[:, 3], off[:, 3])
         return _robust(off, _ROBUST).ravel()
@@ -357,7 +364,7 @@ class Jointly:
         keys, where = np.unique(pair, return_inverse=True)
         worst = np.zeros(len(keys))
         np.maximum.at(worst, where, deep)
-        return worst / _APART_M
+        return worst / self._apart_m
 
     def _pairs(self, owners: tuple[int, ...], rows: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the numbers of parts that may not be in each other: of two pieces, none of which carries the other."""
@@ -398,7 +405,7 @@ class Jointly:
 
     def _starts(self, index: int) -> list[Array]:
         piece, view = self.pieces[index], self.view
-        x0, y0, x1, y1 = piece.thing.box_px
+        x0, _, x1, y1 = piece.thing.box_px
         bottom_m = float(self._bottoms(self.X)[index])
         logs = self._prior[index, :3]
         wide = float(np.exp(logs[1]))
@@ -445,7 +452,8 @@ class Jointly:
             ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
             down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
             t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
-            at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2]) - np.array([mid_x, mid_y]) * size[:2]
+            at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
+            at -= np.array([mid_x, mid_y]) * size[:2]
             beside = np.maximum(np.abs(at) - np.array([half_x, half_y]) * size[:2], 0.0) / 0.05
             wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
             found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]

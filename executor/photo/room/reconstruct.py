@@ -171,8 +171,7 @@ class _Reconstruction:
             self._announce(index, "first look")
             fitter.fit(index, [0.0], hidden_by=boxes)
             self._keep(index)
-        if room.observation.has_depth:
-            room.look_for_walls()
+        room.look_for_walls()
         for index in (*self._standing, *self._carried):
             self._announce(index, "fitting")
             self._on_progress(fitter.fit(index, [0.0] if index in self._standing else None, hidden_by=self._carried))
@@ -190,6 +189,9 @@ class _Reconstruction:
             room.add_fit(index, fit)
         rough = [index for index in (*self._standing, *self._carried) if index not in self._found]
         try:
+            if not room.observation.has_depth:
+                fit_without_depth(room, self._found, self._on_progress, rough=True)
+                return _result(room)
             for index in rough:
                 fitter.fit_roughly(index, [0.0] if index in self._standing else None)
         except KeyboardInterrupt:
