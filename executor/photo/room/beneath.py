@@ -42,6 +42,7 @@ _TOP_M = 0.5  # Height of furniture of no known model.
 _TOLERANT = 0.15  # Share of a front by which tops of a kind differ in height.
 _TALLER = 1.6  # Than its kind: what would be so large on the floor is not there.
 _WIDEST_ITEM_M, _FARTHEST_M = 1.2, 7.0  # Of an item on the floor of a room.
+_HUNG_FROM_M, _TALL_M = 4.0, 0.5  # Nearer, and taller, what usually hangs stands on the floor.
 _NARROW = 1.25  # Times as wide as the item below it.
 _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it.
 _OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _IN_BOARDS, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, 1.0, -1.5, 4.0
@@ -130,6 +131,8 @@ def _support_of(view: Observation, things: Sequence[Detection], index: int) -> i
     x0, y0, x1, y1 = thing.box_px
     far_m = math.inf if foot is None else float(np.hypot(*foot))
     large_m = min(x1 - x0, y1 - y0) / view.K.fx * far_m
+    # A clock or a mirror that is so tall, and ends on a near floor, stands there.
+    hung = hung and not (far_m < _HUNG_FROM_M and (y1 - y0) / view.K.fy * far_m > _TALL_M)
     if not (hung or standing or far_m > _FARTHEST_M or large_m > _WIDEST_ITEM_M):
         others = [other for other in range(len(things)) if other != index]
         beneath = any(_is_beneath(view, things, other, thing) for other in others)

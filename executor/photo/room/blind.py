@@ -7,13 +7,12 @@ from dataclasses import replace
 
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
-from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import described
 from executor.photo.fitting.hypothesis import as_built, raycaster_of
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import named_models
-from executor.photo.inputs.annotations import WALL, Detection
+from executor.photo.inputs.annotations import FLOOR, WALL, Detection
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
@@ -51,10 +50,12 @@ def fit_without_depth(
         hangs.fits = room.fits
         fit = hung(hangs, index, room.around(index))
         if fit is None:
+            # Its box looks beside every wall.
+            problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
             continue
         room.add_fit(index, fit)
         problem.put(index, fit.guess)
-    rest = [index for index in range(len(things)) if index not in room.fits and index not in hanging]
+    rest = [index for index in range(len(things)) if index not in room.fits]
     if rest:
         problem.solve(rest, 0 if rough else MOST_STEPS)
         for index in rest:
@@ -62,8 +63,6 @@ def fit_without_depth(
     for index in range(len(things)):
         if index in room.fits and index not in kept:
             room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
-        elif index not in room.fits:
-            room.lost.setdefault(index, LostCause.STANDS)
 
 
 def _with_wall(things: Sequence[Detection], index: int) -> Sequence[Detection]:
