@@ -44,9 +44,13 @@ _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.0
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
 _LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
-_ITEM_M, _PIECE_M, _ANY_SPREAD = 0.18, 0.8, 1.0  # Sizes where a name tells nothing.
-_EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
-_ASIDE_M, _APART_M, _SAME_M = 0.01, (0.01, 0.002), 0.02
+_ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing: longest sides; height of furniture.
+_ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
+_EDGE_M, _ON_TOP, _ON_ITEM, _RIMLESS = 0.01, 0.4, 0.6, 0.45
+"""Of a top; share of a thing's half sides that lies on it; of the half sides of an item, where middles are stable;
+least half side of a top without a rim."""
+
+_ASIDE_M, _APART_M, _TOUCH_M, _SAME_M = 0.01, (0.01, 0.002), 0.008, 0.02
 _HEADING_RAD, _FACING = 0.15, 0.6
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
@@ -340,7 +344,12 @@ class Jointly:
         turn = X[index, 2] - X[on, 2]
         c, s = abs(math.cos(turn)), abs(math.sin(turn))
         reach = np.array([c * own[0] + s * own[1], s * own[0] + c * own[1]]) / 2
-        free = np.maximum(np.array([half_x, half_y]) * size - _ON_TOP * reach - _EDGE_M, 0.0)
+        half = np.array([half_x, half_y]) * size
+        if self._large[on]:
+            free = np.maximum(half - _ON_TOP * reach - _EDGE_M, 0.0)
+        else:
+            # Within a rim, all of a thing is inside.
+            free = np.maximum(half - reach, 0.0) if half_x < _RIMLESS else _ON_ITEM * half
         return np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
 
     def _apart(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
@@ -367,17 +376,14 @@ class Jointly:
         return worst / self._apart_m
 
     def _pairs(self, owners: tuple[int, ...], rows: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the numbers of parts that may not be in each other: of two pieces, none of which carries the other."""
+        """Return the numbers of parts that may not be in each other: of two pieces, such as a pillow and a back."""
         if (owners, rows) in self._known_pairs:
             return self._known_pairs[owners, rows]
         free = set(rows)
         found = [
             (a, b)
             for a, b in itertools.combinations(range(len(owners)), 2)
-            if owners[a] != owners[b]
-            and (owners[a] in free or owners[b] in free)
-            and self.pieces[owners[a]].on != owners[b]
-            and self.pieces[owners[b]].on != owners[a]
+            if owners[a] != owners[b] and (owners[a] in free or owners[b] in free)
         ]
         pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         self._known_pairs = {(owners, rows): (pairs[:, 0], pairs[:, 1])}
@@ -484,11 +490,14 @@ def _sizes(piece: Piece) -> tuple[list[float], list[float]]:
     aspects, around = [0.0, 0.0], [_ASPECT, _UPRIGHT]
     if is_round(entry):
         around[0] = 0.02
+    if is_large(entry):
+        logs[2], spreads[2] = math.log(_HIGH_M), _PIECE_SPREAD
+    any_spread = _PIECE_SPREAD if is_large(entry) else _ANY_SPREAD
     if high_m is not None:
         logs[2], spreads[2], around[1] = math.log(high_m), _LYING_SPREAD, 1e3
     if thick_m is not None:
         logs[0], spreads[0], around[0] = math.log(thick_m), _LYING_SPREAD, 1e3
-    return [*logs, *aspects, math.log(any_m)], [*spreads, *around, _ANY_SPREAD if long_m is None else _LONG_SPREAD]
+    return [*logs, *aspects, math.log(any_m)], [*spreads, *around, any_spread if long_m is None else _LONG_SPREAD]
 
 
 def _snapped(box_px: tuple[float, float, float, float], width: int, height: int) -> list[float]:
@@ -520,7 +529,7 @@ def _overlaps(first: Array, second: Array) -> Array:
     One that is over the other is not in it; that none escapes by becoming flat, the overlap of heights hardly counts.
     """
     high = np.minimum(first[:, 5] + 2 * first[:, 4], second[:, 5] + 2 * second[:, 4])
-    same = np.clip((high - np.maximum(first[:, 5], second[:, 5])) / _SAME_M, 0.0, 1.0)
+    same = np.clip((high - np.maximum(first[:, 5], second[:, 5]) - _TOUCH_M) / _SAME_M, 0.0, 1.0)
     deep = np.full(len(first), np.inf)
     apart = second[:, :2] - first[:, :2]
     for turn in (first[:, 6], second[:, 6]):
