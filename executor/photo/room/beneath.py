@@ -52,7 +52,7 @@ _OFF_SHARE, _NEAR_SHARE, _FRONT = 0.2, 0.06, 1.5
 edge of a face costs."""
 
 _ON_FLOOR, _HIDDEN, _MOST = 2.5, 3.0, 12.0
-_ON_LEGS = ("bed", "bench", "desk", "stand", "stool", "table")  # Other things are seen below them.
+_ON_LEGS = ("bed", "desk", "stand", "stool", "table")  # Other things are seen below them.
 _HIDES, _HIDES_WIDE = 0.05, 0.3  # Shares of a box below its lower end, and of its width, where something is before it.
 _SIZE_SPREAD, _SIZE_MOST, _WITHIN = 0.35, 3.0, 0.9
 

@@ -46,11 +46,8 @@ _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.0
 _LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
 _ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing: longest sides; height of furniture.
 _ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
-_EDGE_M, _ON_TOP, _ON_ITEM, _RIMLESS = 0.01, 0.4, 0.6, 0.45
-"""Of a top; share of a thing's half sides that lies on it; of the half sides of an item, where middles are stable;
-least half side of a top without a rim."""
-
-_ASIDE_M, _APART_M, _TOUCH_M, _SAME_M = 0.01, (0.01, 0.002), 0.008, 0.02
+_EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
+_ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.02, 0.02
 _HEADING_RAD, _FACING = 0.15, 0.6
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
@@ -208,8 +205,18 @@ class Jointly:
         self._order = sorted(range(count), key=self._depth)
         self._above = [[j for j in range(count) if self.pieces[j].on == i] for i in range(count)]
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
+        self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        self._ray = [self._sight(box) for box in self._box]
         heading = view.heading_rad
         self._headings = [] if heading is None else [heading + turn * math.pi / 2 for turn in range(4)]
+
+    def _sight(self, box: Array) -> tuple[tuple[float, float], float]:
+        """Return the heading (2,) of the view to the middle of a box, and its slope."""
+        K, (x0, y0, x1, y1) = self.view.K, box
+        pixel = np.array([((x0 + x1) / 2 - K.cx) / K.fx, ((y0 + y1) / 2 - K.cy) / K.fy, 1.0])
+        x, y, z = (float(value) for value in self.view.R_camera_level.T @ pixel)
+        level = max(math.hypot(x, y), 1e-6)
+        return (x / level, y / level), z / level
 
     def _depth(self, index: int) -> int:
         on = self.pieces[index].on
@@ -345,18 +352,16 @@ class Jointly:
         c, s = abs(math.cos(turn)), abs(math.sin(turn))
         reach = np.array([c * own[0] + s * own[1], s * own[0] + c * own[1]]) / 2
         half = np.array([half_x, half_y]) * size
-        if self._large[on]:
-            free = np.maximum(half - _ON_TOP * reach - _EDGE_M, 0.0)
-        else:
-            # Within a rim, all of a thing is inside.
-            free = np.maximum(half - reach, 0.0) if half_x < _RIMLESS else _ON_ITEM * half
+        # On an item, all of a thing is within its top or its rim.
+        free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if self._large[on] else reach), 0.0)
         return np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
 
-    def _apart(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
-        """Return how deep pieces are in each other."""
-        placed = [index for index in range(len(self.pieces)) if self.placed[index]]
+    def _solids(self, X: Array, bottoms: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return (N, 7) the solid parts of placed pieces: middle, half sides, lower end and turn; and whose (N,)."""
         boxes, owners = [], []
-        for index in placed:
+        for index in range(len(self.pieces)):
+            if not self.placed[index]:
+                continue
             size, parts = np.exp(np.clip(X[index, 3:], -7.0, 3.0)), self._parts[index]
             middle = _turned(parts.mean(axis=1)[:, :2] * size[:2], X[index, 2]) + X[index, :2]
             half = (parts[:, 1] - parts[:, 0]) / 2 * size
@@ -364,16 +369,56 @@ class Jointly:
             turn = np.full(len(parts), X[index, 2])
             boxes.append(np.column_stack([middle, half, low, turn]))
             owners += [index] * len(parts)
-        flat, owner = np.concatenate(boxes), np.array(owners)
+        return np.concatenate(boxes), np.array(owners)
+
+    def _seen(self, X: Array, flat: Array, owner: NDArray[np.int64], rows: Sequence[int]) -> Array:
+        """Return how far pieces are to be moved that hide what is seen in their boxes: behind it, aside, up or down."""
+        found = []
+        for hidden, before in self._sights(tuple(rows)):
+            parts = flat[owner == before]
+            if not len(parts) or not self.placed[hidden]:
+                continue
+            (along_x, along_y), slope = self._ray[hidden]
+            c, s = np.cos(parts[:, 6]), np.sin(parts[:, 6])
+            deep = parts[:, 2] * np.abs(along_x * c + along_y * s) + parts[:, 3] * np.abs(along_y * c - along_x * s)
+            wide = parts[:, 2] * np.abs(along_y * c - along_x * s) + parts[:, 3] * np.abs(along_x * c + along_y * s)
+            far = X[hidden, 0] * along_x + X[hidden, 1] * along_y
+            away = parts[:, 0] * along_x + parts[:, 1] * along_y
+            aside = np.abs(parts[:, 1] * along_x - parts[:, 0] * along_y)
+            sight = self.view.eye_m[2] + slope * np.clip(away, 0.0, max(far, 0.0))
+            high = parts[:, 5] + 2 * parts[:, 4]
+            off = np.minimum.reduce([wide - aside, far - away + deep, high - sight, sight - parts[:, 5]])
+            found.append(max(float(off.max()), 0.0) / _SEEN_M)
+        return _robust(np.array(found), _ROBUST)
+
+    def _sights(self, rows: tuple[int, ...]) -> list[tuple[int, int]]:
+        """Return pairs of a piece and a larger one in whose box its middle is seen, and which it does not carry."""
+        if rows not in self._known_sights:
+            found = []
+            for hidden, before in itertools.permutations(range(len(self.pieces)), 2):
+                x0, y0, x1, y1 = self._box[hidden]
+                left, top, right, bottom = self._box[before]
+                within = left < (x0 + x1) / 2 < right and top < (y0 + y1) / 2 < bottom
+                smaller = (x1 - x0) * (y1 - y0) < (right - left) * (bottom - top)
+                if within and smaller and {hidden, before} & set(rows) and self.pieces[before].on != hidden:
+                    found.append((hidden, before))
+            self._known_sights[rows] = found
+        return self._known_sights[rows]
+
+    def _apart(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
+        """Return how deep pieces are in each other, and how far before what is seen behind them."""
+        flat, owner = self._solids(X, bottoms)
+        owners = owner.tolist()
+        seen = self._seen(X, flat, owner, rows)
         first, second = self._pairs(tuple(owners), tuple(rows))
         if not len(first):
-            return np.zeros(0)
+            return seen
         deep = _overlaps(flat[first], flat[second])
         pair = owner[first] * len(self.pieces) + owner[second]
         keys, where = np.unique(pair, return_inverse=True)
         worst = np.zeros(len(keys))
         np.maximum.at(worst, where, deep)
-        return worst / self._apart_m
+        return np.concatenate([worst / self._apart_m, seen])
 
     def _pairs(self, owners: tuple[int, ...], rows: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the numbers of parts that may not be in each other: of two pieces, such as a pillow and a back."""
