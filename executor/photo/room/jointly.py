@@ -29,7 +29,7 @@ from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection
-from executor.photo.inputs.usual import is_panel, is_seat, usual_height_m, usual_length_m, usual_thickness_m
+from executor.photo.inputs.usual import is_lounge, is_panel, is_seat, usual_height_m, usual_length_m, usual_thickness_m
 from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
 from oag.model.symbols import has_boards
 
@@ -39,7 +39,7 @@ Regions = tuple[tuple[float, float, float, float, float], ...]
 _BOX_SHARE, _BOX_PX = 0.015, 1.0  # How exact boxes are.
 _ROBUST = 4.0  # Standard deviations from where on a side of a box counts in proportion.
 _NEAREST_M = 0.05
-_HIDDEN = 0.1  # Weight of a lower end that something hides.
+_HIDDEN = 0.2  # Weight of a lower end that something hides.
 _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
@@ -48,7 +48,7 @@ _ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing:
 _ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
 _EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
 _ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.02, 0.02
-_HEADING_RAD, _FACING = 0.15, 0.6
+_HEADING_RAD, _FACING, _FACING_CARRIER = 0.15, 0.6, 3.0
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
 MOST_STEPS = 12
@@ -202,6 +202,7 @@ class Jointly:
         self._prior, self._spread = (np.array(one) for one in zip(*(_sizes(piece) for piece in pieces), strict=True))
         self._large = np.array([is_large(piece.entry) for piece in pieces])
         self._parts = [_parts(piece.entry) for piece in pieces]
+        self._facing = np.array([self._faces(index) for index in range(count)])
         self._order = sorted(range(count), key=self._depth)
         self._above = [[j for j in range(count) if self.pieces[j].on == i] for i in range(count)]
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
@@ -209,6 +210,16 @@ class Jointly:
         self._ray = [self._sight(box) for box in self._box]
         heading = view.heading_rad
         self._headings = [] if heading is None else [heading + turn * math.pi / 2 for turn in range(4)]
+
+    def _faces(self, index: int) -> float:
+        """Return how much a piece faces the camera: what is seen on a seat or in a shelf is before its back."""
+        entry = self.pieces[index].entry
+        if not is_large(entry):
+            return 0.0
+        label = self.pieces[index].thing.label
+        has_back = is_seat(label) or is_lounge(label) or has_boards(entry.category)
+        carries = any(piece.on == index for piece in self.pieces)
+        return _FACING_CARRIER if has_back and carries else _FACING
 
     def _sight(self, box: Array) -> tuple[tuple[float, float], float]:
         """Return the heading (2,) of the view to the middle of a box, and its slope."""
@@ -336,7 +347,7 @@ class Jointly:
         """Return how far furniture is turned out of the room's lines and away from the camera."""
         some = X[rows]
         away = np.arctan2(some[:, 1], some[:, 0])
-        facing = _FACING * self._large[rows] * (1.0 - np.cos(some[:, 2] - away))
+        facing = self._facing[rows] * (1.0 - np.cos(some[:, 2] - away))
         if not self._headings:
             return facing
         askew = np.sin(2 * (some[:, 2] - self._headings[0])) / (2 * _HEADING_RAD)
