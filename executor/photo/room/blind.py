@@ -48,13 +48,13 @@ def fit_without_depth(
         on_progress(f"fitting: {things[index].label or 'thing'} on a wall")
         hangs = RoomEstimate(view, room.walls, [*_with_wall(things, index)], room.scale_share)
         hangs.fits = room.fits
-        fit = hung(hangs, index, room.around(index))
-        if fit is None:
+        on_wall = hung(hangs, index, room.around(index))
+        if on_wall is None:
             # Its box looks beside every wall.
             problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
             continue
-        room.add_fit(index, fit)
-        problem.put(index, fit.guess)
+        room.add_fit(index, on_wall)
+        problem.put(index, on_wall.guess)
     rest = [index for index in range(len(things)) if index not in room.fits]
     if rest:
         problem.solve(rest, 0 if rough else MOST_STEPS)
