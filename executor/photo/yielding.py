@@ -27,7 +27,7 @@ its way [m]."""
 
 _IN_WALL_M = 0.003
 _HANGS_M = 0.2  # A top that is nearer is likelier than a wall.
-_LEVEL_SHARE = 0.5  # Of its way, that a thing goes up or down.
+_LEVEL_SHARE = 0.6  # Of its way, that a thing goes up or down.
 _STEP_M, _TURNS = 0.03, 16  # Of places around one that is taken.
 
 

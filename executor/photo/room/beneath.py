@@ -101,6 +101,13 @@ def is_foot_hidden(view: Observation, things: Sequence[Detection], index: int) -
     return False
 
 
+def ends_above_horizon(view: Observation, things: Sequence[Detection], index: int) -> bool:
+    """Return whether furniture ends where no floor is, and nothing hides its foot."""
+    box_px = things[index].box_px
+    is_level = is_piece(things[index]) and foot_of(view, box_px, 0.0) is None
+    return is_level and not is_foot_hidden(view, things, index) and box_px[3] <= _cut_px(view)
+
+
 def face_rows(view: Observation, things: Sequence[Detection], index: int) -> tuple[float, float]:
     """Return the first and last row in which a piece of furniture shows its top."""
     thing = things[index]

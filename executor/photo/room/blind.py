@@ -7,14 +7,16 @@ from dataclasses import replace
 
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
+from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import described
 from executor.photo.fitting.hypothesis import as_built, raycaster_of
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import named_models
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection
-from executor.photo.room.beneath import supports_of
+from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.fitter import hung_models
 from executor.photo.room.hanging import hung
 from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
 
@@ -32,6 +34,12 @@ def fit_without_depth(
     """
     view, things = room.observation, room.detections
     on = supports_of(view, things)
+    for index, thing in enumerate(things):
+        if on[index] == FLOOR and ends_above_horizon(view, things, index):
+            on[index] = WALL if hung_models(thing) else FLOOR
+            if on[index] == FLOOR and index not in kept:
+                room.lost[index] = LostCause.STANDS
+    on = [FLOOR if below in room.lost else below for below in on]
     pieces = [Piece(thing, _entry(thing), on[index]) for index, thing in enumerate(things)]
     pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
     problem = Jointly(view, pieces)
@@ -39,6 +47,7 @@ def fit_without_depth(
         problem.put(index, fit.guess)
     roots = [_root(on, index) for index in range(len(things))]
     standing = [index for index in range(len(things)) if on[roots[index]] != WALL and index not in kept]
+    standing = [index for index in standing if index not in room.lost]
     on_progress(f"fitting {len(standing)} things at once")
     problem.solve(standing, 0 if rough else MOST_STEPS)
     for index in standing:
@@ -55,7 +64,7 @@ def fit_without_depth(
             continue
         room.add_fit(index, on_wall)
         problem.put(index, on_wall.guess)
-    rest = [index for index in range(len(things)) if index not in room.fits]
+    rest = [index for index in range(len(things)) if index not in room.fits and index not in room.lost]
     if rest:
         problem.solve(rest, 0 if rough else MOST_STEPS)
         for index in rest:

@@ -132,7 +132,7 @@ class RoomFitter:
         What only stands on the floor is lost.
         """
         room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
-        entries = _hung_models(room.detections[index])
+        entries = hung_models(room.detections[index])
         if not entries:
             room.lost[index] = LostCause.STANDS
             return None
@@ -174,7 +174,7 @@ def _models(detection: Detection) -> list[ModelEntry]:
     return with_parts(named, detection.doors, detection.drawers)
 
 
-def _hung_models(detection: Detection) -> list[ModelEntry]:
+def hung_models(detection: Detection) -> list[ModelEntry]:
     """Return the models of what hangs: a cabinet is a box there; other furniture that stands on the floor has none."""
     category = detection.category or plain_name(detection.label) or THING
     if has_boards(category) or not stands_on_floor(detection):
