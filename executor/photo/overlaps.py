@@ -276,7 +276,7 @@ def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis
 def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
     """Move the smaller of two objects along the axis of least overlap; what is fixed only along its wall."""
     a, b = _footprint(first), _footprint(second)
-    if a.depth_m(b) <= 0.0:
+    if a.depth_m(b) <= 0.0 or overlap_depth_m(solid_parts(first.as_object()), solid_parts(second.as_object())) <= 0.0:
         return first, second
     second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
     if first.fixed is not second.fixed:

@@ -43,13 +43,10 @@ from executor.photo.inputs.picture import (
     read_picture,
 )
 from executor.photo.networks.masks import Masker
-from executor.photo.overlaps import SAME_HEIGHT_M
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
 from executor.photo.scene import MadeScene, RoomVariation, scene_of, variations_of
 
 OnSentence = Callable[[str], None]
-
-_ABOUT_M = 0.1  # Between an object and its top without depth: one of them may have been fitted better since.
 
 
 @dataclass(frozen=True)
@@ -338,7 +335,7 @@ def reconstruct_scene(
 
 
 def _scene_of(given: PhotoInput, room: FittedRoom) -> tuple[FittedRoom, MadeScene]:
-    return scene_of(room, given.name, same_height_m=SAME_HEIGHT_M if given.observation.has_depth else _ABOUT_M)
+    return scene_of(room, given.name)
 
 
 def _varied(result: PhotoResult, *, keeps: bool) -> PhotoResult:

@@ -271,6 +271,7 @@ _SHAPES = {
     "generic_cylinder": Affordances(surface=True),
     "generic_slab_on_legs": Affordances(surface=True),
     "generic_slab_with_back": Affordances(surface=True),
+    "generic_panel_on_stand": Affordances(),
     "generic_open_box": Affordances(interior=True),
     "generic_open_cylinder": Affordances(interior=True),
     "carton": Affordances(surface=True),

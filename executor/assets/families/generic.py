@@ -1,5 +1,5 @@
 """Generic shapes for things that the library has no model of: a box and a cylinder, both also open at the top, a
-slab on legs, and a slab with a slab that stands up from its back, as an open laptop.
+slab on legs, a slab with a slab that stands up from its back, as an open laptop, and a panel on a stand.
 
 Each takes any size. A thing so keeps its own category, which decides whether it is an item or furniture; fingers close
 around the item if it is narrow enough, and things stand on its top or in its hollow.
@@ -46,6 +46,10 @@ _LEAST_M: Vector = (0.002, 0.002, 0.002)
 _FRICTION, _ITEM_KG_M3 = 0.8, 400.0
 _WALL_SHARE, _WALL_M = 0.08, (0.001, 0.015)  # Of the shortest side; limits of an open box's wall.
 _TOP_SHARE, _TOP_M = 0.12, 0.04  # Of a slab's height; its largest thickness.
+_PANEL_SHARE, _CLEAR_SHARE, _FOOT_SHARE, _NECK_SHARE, _FOOT_M = 0.3, 0.25, 0.4, 0.12, 0.015
+"""Of a panel on a stand: its thickness and the clearance below it, in shares of length and height; half sides of its
+foot and its neck, in shares of half the width; the thickest foot."""
+
 _LEG_SHARE, _LEG_M = 0.15, 0.05  # Of the shorter side; the widest leg.
 _SLAB_SHARE, _SLAB_M, _BACK_KG_M3 = 0.1, 0.018, 100.0  # Of length or height; thickness and density as of laptops.
 
@@ -119,6 +123,20 @@ def slab_with_back(obj: SceneObject) -> Asset:
     return _made(obj, [_board(obj)((-x, -y, -z), (back, y, thick - z)), upright], top)
 
 
+def panel_on_stand(obj: SceneObject) -> Asset:
+    """Return an upright panel on a neck and a foot: below it other things are seen, as below a monitor."""
+    x, y, z = _halves(obj)
+    thick, foot_m = 2 * _PANEL_SHARE * x, min(_FOOT_M, 0.2 * z)
+    under = -z + 2 * _CLEAR_SHARE * z
+    board, wide, neck = _board(obj), _FOOT_SHARE * y, _NECK_SHARE * y
+    shapes = [
+        board((-thick / 2, -y, under), (thick / 2, y, z)),
+        board((-thick / 2, -neck, -z + foot_m), (thick / 2, neck, under)),
+        board((-x, -wide, -z), (x, wide, -z + foot_m)),
+    ]
+    return _made(obj, shapes, surface(_LINK, thick / 2, y, z))
+
+
 def _halves(obj: SceneObject) -> Vector:
     x, y, z = require_size(obj, _LEAST_M)
     return x / 2, y / 2, z / 2
@@ -147,6 +165,7 @@ GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
             ModelEntry("generic_open_cylinder", THING, _SYNSET, open_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _LONG, _LONG, _LONG, (COLOR, LEAN)),
+            ModelEntry("generic_panel_on_stand", THING, _SYNSET, panel_on_stand, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
         )
     }
 )

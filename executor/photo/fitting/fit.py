@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from executor.assets.families.generic import GENERIC
-from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.evidence import PixelEvidence, median_colour, with_colour
@@ -38,8 +37,7 @@ from executor.photo.fitting.refinement import (
 from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes, starts_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.annotations import Detection
-from oag.model.symbols import FURNITURE_SIDE_M, Kind, has_boards, kind_of
+from oag.model.symbols import FURNITURE_SIDE_M, Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 3000
 """Pixels of an object to choose starts, to search, and to choose options."""
@@ -52,8 +50,6 @@ _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and si
 _HUNG_DEEP, _HUNG_DEEP_M = 0.5, FURNITURE_SIDE_M + 0.01  # Of a box on a wall: share of its sides, and most.
 _WALL_ROUNDS, _LEAST_HUNG_M, _OFF_WALL_M, _LEAST_SLOPE = 4, 0.01, 0.002, 0.05
 """Of a thing on a wall: how often it is fitted to its box again, least side, gap to the wall, least slope of rays."""
-
-_AT_BORDER = 0.04  # Of the picture's side: a box that ends there may be cut.
 
 
 def fit_thing(
@@ -96,23 +92,6 @@ def fit_thing(
     if around.observation.has_depth and has_ear(best.guess.entry):
         best = orient_by_ear(fine, best)
     return _described(fine, best, others)
-
-
-def fit_beneath(around: SearchContext, entries: Sequence[ModelEntry], over: Array) -> Fit:
-    """Return a support of usual size whose edges are outside the picture, centred below some places.
-
-    Args:
-        around: The context.
-        entries: Candidate models, the likeliest first.
-        over: (N, 2) places on the floor that it is below.
-    """
-    x, y = (float(value) for value in np.mean(over, axis=0))
-    facing = math.atan2(y, x)
-    first, *others = [PoseHypothesis(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
-    spread_m = around.scale_share * math.hypot(x, y)
-    assumption = "its edges are not in the picture: as large as usual, its middle under what stands on it"
-    alternatives = tuple(RatedHypothesis(one, 0.0) for one in others)
-    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, (spread_m, 0.0), assumed=assumption)
 
 
 def fit_hung(
@@ -210,21 +189,6 @@ def _on_plane(view: Observation, pixel: Array, plane: Wall) -> tuple[float, floa
     return (float(at[:2] @ plane.along), float(at[2])) if t > 0.0 else None
 
 
-def fills_picture(thing: Detection, size_px: tuple[int, int]) -> list[ModelEntry]:
-    """Return the models of a table whose box reaches three borders of the picture: it carries everything else."""
-    x0, y0, x1, y1 = thing.box_px
-    width, height = size_px
-    far = 1.0 - _AT_BORDER
-    reached = (x0 < _AT_BORDER * width, y0 < _AT_BORDER * height, x1 > far * width, y1 > far * height)
-    entries = [entry for entry in LIBRARY.values() if entry.category == thing.category]
-    supports = [
-        entry
-        for entry in entries
-        if kind_of(entry.category, entry.width.low) is Kind.SUPPORT and not has_boards(entry.category)
-    ]
-    return supports if sum(reached) >= 3 else []
-
-
 def update_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Update a fit to what is known around it since, if its box shows hardly anything else than before."""
     fine = _likelihood(around, box_px, FINE_PX)
@@ -232,6 +196,20 @@ def update_fit(around: SearchContext, box_px: tuple[float, float, float, float],
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )
     return _described(fine, best, others) or found
+
+
+def described(around: SearchContext, box_px: tuple[float, float, float, float], guess: PoseHypothesis) -> Fit:
+    """Return a hypothesis that was found elsewhere as a fit, with its colour, quality and spread.
+
+    Args:
+        around: The context.
+        box_px: The detection's box.
+        guess: The hypothesis, which can be built.
+    """
+    fine = _likelihood(around, box_px, FINE_PX)
+    found = _described(fine, RatedHypothesis(guess, 0.0), ())
+    assert found is not None, "it can be built"
+    return found
 
 
 def assess_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit, in_box: float) -> Fit:

@@ -176,7 +176,7 @@ def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
         eye_m: (3,) the camera.
         above: (N, 3) rays to where the boxes of those things end.
     """
-    top = _top_of(guess.entry) if len(above) else None
+    top = top_shares(guess.entry) if len(above) else None
     if top is None:
         return 0.0
     height, *shares = top
@@ -198,7 +198,7 @@ def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
 
 
 @cache
-def _top_of(entry: ModelEntry) -> tuple[float, float, float, float, float] | None:
+def top_shares(entry: ModelEntry) -> tuple[float, float, float, float, float] | None:
     """Return the highest top of a model in shares of its size: height, middle and half sides; None without one."""
     size_m = usual_size_m(entry)
     thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()

@@ -88,7 +88,8 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     hollow by its name, such as a sink, is an open box or cylinder, and only that is. A laptop is open or shut.
     """
     category = plain_name(detection.label) or THING
-    entries = [replace(entry, category=category) for entry in GENERIC.values()]
+    # A panel on a stand is for what a box alone tells of: depth shows more.
+    entries = [replace(one, category=category) for one in GENERIC.values() if one.model != "generic_panel_on_stand"]
     if is_hollow(detection.label):
         kept = {"generic_open_box", "generic_open_cylinder"}
     elif is_folding(detection.label):
@@ -316,17 +317,6 @@ def is_raised(observation: Observation, thing: Detection, bottom_m: float) -> bo
     end = foot * (1.0 + wide_m / max(far_m, 1e-6))
     lying_px = y1 - float(observation.pixels(np.array([*end, bottom_m]))[0, 1])
     return bool(y1 - y0 > _TALLER * lying_px)
-
-
-def feet_of(observation: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:
-    """Return (N, 2) the points of a level plane where boxes end.
-
-    Without boxes it is the plane's point that the camera looks at, or the origin.
-    """
-    found = [foot for box in boxes_px if (foot := foot_of(observation, box, height_m)) is not None]
-    width, height = observation.size_px
-    middle = foot_of(observation, (0.0, 0.0, float(width), height / 2), height_m)
-    return np.array(found or [np.zeros(2) if middle is None else middle])
 
 
 def _placed(

@@ -55,6 +55,41 @@ def is_inset(label: str) -> bool:
     return any(one in _NAMES["inset"] for one in _endings(label))
 
 
+def is_soft(label: str) -> bool:
+    """Return whether a thing of a name is soft, and so usually on what people sit or lie on."""
+    return any(one in _NAMES["soft"] for one in _endings(label))
+
+
+def is_seat(label: str) -> bool:
+    """Return whether a piece of furniture of a name is for one person to sit on: little else is usually on it."""
+    return any(one in _NAMES["seats"] for one in _endings(label))
+
+
+def is_lounge(label: str) -> bool:
+    """Return whether people sit or lie on a piece of furniture of a name, several of them or lying."""
+    return any(one in _NAMES["lounges"] for one in _endings(label))
+
+
+def is_panel(label: str) -> bool:
+    """Return whether a thing of a name is a panel on a stand, below which other things are seen."""
+    return any(one in _NAMES["panels"] for one in _endings(label))
+
+
+def is_usual_on_floor(label: str) -> bool:
+    """Return whether an item of a name is as usual on the floor as on furniture."""
+    return any(one in _NAMES["floored"] for one in _endings(label))
+
+
+def is_open(label: str) -> bool:
+    """Return whether a thing of a name has gaps in its outline, through which other things are seen."""
+    return any(one in _NAMES["open"] for one in _endings(label))
+
+
+def usual_length_m(label: str) -> float | None:
+    """Return how long the longest side of a thing of a name usually is [m]; None where its name does not tell."""
+    return next((_USUAL["long"][one] for one in _endings(label) if one in _USUAL["long"]), None)
+
+
 def usual_thickness_m(label: str) -> float | None:
     """Return how thick a thing of a name usually is from front to back [m]; None where its name does not tell."""
     return next((_USUAL["thick"][one] for one in _endings(label) if one in _USUAL["thick"]), None)

@@ -6,29 +6,24 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from executor.assets.families.generic import THING, WITH_BACK
+from executor.assets.families.generic import THING
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
-from executor.geometry import Array
 from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import (
     assess_fit,
-    fills_picture,
-    fit_beneath,
     fit_hung,
     fit_thing,
     update_fit,
 )
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
-from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext, usual_size_m
+from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import feet_of, generic_models, is_raised, named_models, stands_on_floor
+from executor.photo.fitting.starts import generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection, plain_name
 from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
-from executor.photo.room.estimate import SAME_M, RoomEstimate, is_item, tops_of
+from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
 from oag.model.symbols import has_boards, is_known
 
@@ -40,9 +35,6 @@ _FLAT, _LEAST_HOLLOW_M = 0.25, 0.03
 
 _AS_GOOD = 1.1  # Times the cost of a closed box: so little tells nothing of its top.
 _HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
-_SHARES = tuple(sorted((1.05**step for step in range(-20, 21)), key=lambda share: abs(math.log(share))))
-"""Of a distance, tried where a thing is beside its top: the least change first."""
-
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -76,7 +68,7 @@ class RoomFitter:
             return room.add_fit(index, as_named(update_fit(around, detection.box_px, before), detection))
         best: Fit | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
-            found = self._over_its_top(detection, as_named(one, detection))
+            found = as_named(one, detection)
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
@@ -125,42 +117,16 @@ class RoomFitter:
     ) -> Iterator[Fit]:
         """Yield fits of a detection by decreasing evidence: its models, generic shapes, a shape by its box alone."""
         room, detection = self.room, self.room.detections[index]
-        whole = [] if room.observation.has_depth else fills_picture(detection, room.observation.size_px)
-        if whole:
-            yield fit_beneath(room.around(index), whole, self._feet(index, whole[0]))
-            return
         generic = generic_models(detection)
         for entries, by_box in ((_models(detection), False), (generic, False), (generic[:1], True)):
-            if not entries or (by_box and not room.observation.has_depth):
+            if not entries:
                 continue
             around = room.around(index, hidden_by, by_box=by_box)
             points = room.points(detection, around)
             heights_m = bottoms_m or room.heights_m(detection, points)
-            shown = _shown(entries, detection, around, heights_m[0])
-            found = fit_thing(around, detection.box_px, shown, heights_m, points, rough=rough)
+            found = fit_thing(around, detection.box_px, entries, heights_m, points, rough=rough)
             if found is not None:
                 yield found
-
-    def _over_its_top(self, detection: Detection, found: Fit) -> Fit:
-        """Return a fit without depth, moved along the view and scaled with that until it is over the top that it is on.
-
-        Where a top is nearly as high as the camera, or its support is small, a little of the picture is far beside it.
-        """
-        room, guess = self.room, found.guess
-        if room.observation.has_depth or guess.bottom_m == 0.0 or not is_item(guess):
-            return found
-        flat = room.flat_beneath(detection)
-        tops = room.tops_seen_below(detection) if flat is None else list(tops_of([flat.guess]))
-        same = [top for top in tops if abs(top.height_m - guess.bottom_m) < SAME_M]
-        at = np.array([guess.x_m, guess.y_m])
-        if not same or any(top.distance_m(at) == 0.0 for top in same):
-            return found
-        share = min(_SHARES, key=lambda share: min(top.distance_m(share * at) for top in same))
-        size_m = tuple(share * side for side in guess.size_m)
-        moved = replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=(size_m[0], size_m[1], size_m[2]))
-        if detection.size_m is not None or raycaster_of(moved) is None:
-            moved = replace(moved, size_m=guess.size_m)
-        return replace(found, guess=moved)
 
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
         """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.
@@ -168,7 +134,7 @@ class RoomFitter:
         What only stands on the floor is lost.
         """
         room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
-        entries = _hung_models(room.detections[index])
+        entries = hung_models(room.detections[index])
         if not entries:
             room.lost[index] = LostCause.STANDS
             return None
@@ -181,15 +147,8 @@ class RoomFitter:
         far_m = _HUNG_M if below is None else math.hypot(below.x_m, below.y_m)
         return fit_hung(around, room.detections[index].box_px, entries, far_m)
 
-    def _feet(self, index: int, entry: ModelEntry) -> Array:
-        """Return (N, 2) where the other boxes end on the top of a support of usual size."""
-        others = [one.box_px for number, one in enumerate(self.room.detections) if number != index]
-        return feet_of(self.room.observation, others, usual_size_m(entry)[2])
-
     def _is_view_unchanged(self, index: int, around: SearchContext) -> bool:
         """Return whether an object's box shows hardly anything else than at its last search; else remember the view."""
-        if not self.room.observation.has_depth:
-            return False
         view, before = BoxView.of(self.room.observation, around.other_m, around.smaller), self._views.get(index)
         if before is not None and view.is_like(before, self.room.detections[index].box_px):
             return True
@@ -239,21 +198,9 @@ def _models(detection: Detection) -> list[ModelEntry]:
     return with_parts(named, detection.doors, detection.drawers)
 
 
-def _hung_models(detection: Detection) -> list[ModelEntry]:
+def hung_models(detection: Detection) -> list[ModelEntry]:
     """Return the models of what hangs: a cabinet is a box there; other furniture that stands on the floor has none."""
     category = detection.category or plain_name(detection.label) or THING
     if has_boards(category) or not stands_on_floor(detection):
         return [*_models(detection), *generic_models(detection)]
     return [] if is_known(category) and category != "bottom_cabinet" else generic_models(detection)
-
-
-def _shown(
-    entries: Sequence[ModelEntry], detection: Detection, around: SearchContext, bottom_m: float
-) -> Sequence[ModelEntry]:
-    """Return the models that the evidence can tell apart: a box alone shows no shape, but whether a laptop is open."""
-    if entries[0].model in LIBRARY or around.observation.has_depth:
-        return entries
-    if is_raised(around.observation, detection, bottom_m):
-        return [one for one in entries if one.model == WITH_BACK]
-    opened = [one for one in entries if one.model == "generic_open_box" and is_mostly_open(detection.label)]
-    return opened or entries[:1]

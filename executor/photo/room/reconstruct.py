@@ -15,6 +15,7 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
+from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
 
@@ -162,14 +163,18 @@ class _Reconstruction:
 
     def fitted(self) -> FittedRoom:
         """Fit the furniture, again among all others, then the things on it; compare each with its box in the end."""
+        if not self._room.observation.has_depth:
+            fit_without_depth(self._room, self._found, self._on_progress)
+            for index in self._all:
+                self._keep(index)
+            return _result(self._room)
         room, fitter = self._room, RoomFitter(self._room)
         boxes = range(len(room.detections))
         for index in self._standing:
             self._announce(index, "first look")
             fitter.fit(index, [0.0], hidden_by=boxes)
             self._keep(index)
-        if room.observation.has_depth:
-            room.look_for_walls()
+        room.look_for_walls()
         for index in (*self._standing, *self._carried):
             self._announce(index, "fitting")
             self._on_progress(fitter.fit(index, [0.0] if index in self._standing else None, hidden_by=self._carried))
@@ -187,6 +192,9 @@ class _Reconstruction:
             room.add_fit(index, fit)
         rough = [index for index in (*self._standing, *self._carried) if index not in self._found]
         try:
+            if not room.observation.has_depth:
+                fit_without_depth(room, self._found, self._on_progress, rough=True)
+                return _result(room)
             for index in rough:
                 fitter.fit_roughly(index, [0.0] if index in self._standing else None)
         except KeyboardInterrupt:

@@ -12,7 +12,6 @@ import pytest
 import llm
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.fit import fills_picture
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.fitting.likelihood import carried_cost
 from executor.photo.fitting.starts import generic_models, stands_on_floor
@@ -183,13 +182,6 @@ def test_what_is_seen_on_a_seat_or_in_a_shelf_is_before_its_back(
     found = carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over)
     assert least <= found <= most
     assert carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over[:0]) == 0.0
-
-
-def test_a_shelf_at_the_border_does_not_carry_the_picture_as_a_table_does() -> None:
-    def detected(category: str) -> Detection:
-        return Detection(category, category, (500.0, 0.0, 640.0, 480.0), 1.0, "me")
-
-    assert fills_picture(detected("table"), (640, 480)) and not fills_picture(detected("shelf"), (640, 480))
 
 
 def test_what_is_over_a_board_is_on_it_and_what_is_wider_is_on_the_table() -> None:

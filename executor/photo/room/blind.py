@@ -1,0 +1,99 @@
+"""A room without depth: what stands on what by boxes and names, then all places and sizes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from executor.assets.library import LIBRARY
+from executor.assets.parameters import ModelEntry
+from executor.photo.errors import LostCause
+from executor.photo.fitting.fit import described
+from executor.photo.fitting.hypothesis import as_built, raycaster_of
+from executor.photo.fitting.likelihood import Fit
+from executor.photo.fitting.refinement import with_parts
+from executor.photo.fitting.starts import named_models
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import FLOOR, WALL, Detection
+from executor.photo.room.beneath import ends_above_horizon, supports_of
+from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.fitter import hung_models
+from executor.photo.room.hanging import hung
+from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
+
+
+def fit_without_depth(
+    room: RoomEstimate, kept: Mapping[int, Fit], on_progress: Callable[[str], None], *, rough: bool = False
+) -> None:
+    """Fit every thing of a picture without depth.
+
+    Args:
+        room: The estimate, with the fits that stay; it gets the others.
+        kept: index -> fit that stays.
+        on_progress: Called with a sentence about each step.
+        rough: Whether each thing alone does, without all of them at once.
+    """
+    view, things = room.observation, room.detections
+    on = supports_of(view, things)
+    for index, thing in enumerate(things):
+        if on[index] == FLOOR and ends_above_horizon(view, things, index):
+            on[index] = WALL if hung_models(thing) else FLOOR
+            if on[index] == FLOOR and index not in kept:
+                room.lost[index] = LostCause.STANDS
+    on = [FLOOR if below in room.lost else below for below in on]
+    pieces = [Piece(thing, _entry(view, thing), on[index]) for index, thing in enumerate(things)]
+    pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
+    problem = Jointly(view, pieces)
+    for index, fit in kept.items():
+        problem.put(index, fit.guess)
+    roots = [_root(on, index) for index in range(len(things))]
+    standing = [index for index in range(len(things)) if on[roots[index]] != WALL and index not in kept]
+    standing = [index for index in standing if index not in room.lost]
+    on_progress(f"fitting {len(standing)} things at once")
+    problem.solve(standing, 0 if rough else MOST_STEPS)
+    for index in standing:
+        room.add_fit(index, _fit(room, problem, index))
+    hanging = [index for index in range(len(things)) if on[index] == WALL and index not in kept]
+    for index in hanging:
+        on_progress(f"fitting: {things[index].label or 'thing'} on a wall")
+        hangs = RoomEstimate(view, room.walls, [*_with_wall(things, index)], room.scale_share)
+        hangs.fits = room.fits
+        on_wall = hung(hangs, index, room.around(index))
+        if on_wall is None:
+            # Its box looks beside every wall.
+            problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
+            continue
+        room.add_fit(index, on_wall)
+        problem.put(index, on_wall.guess)
+    rest = [index for index in range(len(things)) if index not in room.fits and index not in room.lost]
+    if rest:
+        problem.solve(rest, 0 if rough else MOST_STEPS)
+        for index in rest:
+            room.add_fit(index, _fit(room, problem, index))
+    for index in range(len(things)):
+        if index in room.fits and index not in kept:
+            room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
+
+
+def _with_wall(things: Sequence[Detection], index: int) -> Sequence[Detection]:
+    return [replace(one, on=WALL) if number == index else one for number, one in enumerate(things)]
+
+
+def _root(on: Sequence[int], index: int) -> int:
+    while on[index] >= 0:
+        index = on[index]
+    return index
+
+
+def _entry(view: Observation, thing: Detection) -> ModelEntry:
+    """Return the first model of what a thing is called, else the first generic shape."""
+    named = [entry for entry in named_models(thing) if entry.model in LIBRARY]
+    return (with_parts(named, thing.doors, thing.drawers) or shapes_of(view, thing))[0]
+
+
+def _fit(room: RoomEstimate, problem: Jointly, index: int) -> Fit:
+    thing = room.detections[index]
+    guess = problem.pose(index)
+    if raycaster_of(guess) is None:
+        guess = modelled(room.observation, thing, guess)
+    return described(room.around(index), thing.box_px, as_built(guess))

@@ -1,0 +1,617 @@
+"""All things of a picture without depth at once: one least-squares problem of places, turns and sizes.
+
+The boxes are the evidence: each outline fills its box, as far as the picture shows it. What carries a thing gives the
+height of its lower end. The sizes of kinds give the scale, and things are neither in each other nor beside their tops.
+
+Source: bundle-like non-linear least squares, solved by SciPy's trust-region reflective method.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from executor.assets.families.generic import GENERIC, WITH_BACK
+from executor.assets.footprint import region_frame, solid_parts
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
+from executor.photo.fitting.hypothesis import PoseHypothesis, Size, is_round, raycaster_of
+from executor.photo.fitting.likelihood import OF_RANGE, is_large, usual_size_m
+from executor.photo.fitting.refinement import with_parts
+from executor.photo.fitting.starts import generic_models, is_raised, named_models
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.usual import (
+    is_lounge,
+    is_mostly_open,
+    is_panel,
+    is_seat,
+    usual_height_m,
+    usual_length_m,
+    usual_thickness_m,
+)
+from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
+from oag.model.symbols import has_boards
+
+Regions = tuple[tuple[float, float, float, float, float], ...]
+"""Of the tops of a model: height, middle and half sides, in shares of its size."""
+
+_BOX_SHARE, _BOX_PX = 0.015, 1.0  # How exact boxes are.
+_ROBUST = 4.0  # Standard deviations from where on a side of a box counts in proportion.
+_NEAREST_M = 0.05
+_HIDDEN = 0.2  # Weight of a lower end that something hides.
+_SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
+"""Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
+
+_LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
+_ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing: longest sides; height of furniture.
+_ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
+_EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
+_ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.02, 0.02
+_HEADING_RAD, _FACING, _FACING_CARRIER = 0.15, 0.6, 3.0
+_MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
+_HEADINGS, _NEARER = 8, (1.0, 0.75)
+MOST_STEPS = 12
+"""Of the search for all things at once."""
+
+_FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them are followed, and their steps.
+_FARTHEST_M = 12.0
+_TALLEST_M = 0.1  # Least distance between the camera and a top below it.
+_ROUND_SIDES = 8
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One thing of the problem.
+
+    Attributes:
+        thing: Its detection.
+        entry: Its model.
+        on: What carries it: another piece's number, FLOOR or WALL.
+        region: Of its support's top.
+    """
+
+    thing: Detection
+    entry: ModelEntry
+    on: int
+    region: tuple[float, float, float, float, float] = (1.0, 0.0, 0.0, 0.5, 0.5)
+
+
+@cache
+def regions_of(entry: ModelEntry, size_m: Size | None = None) -> Regions:
+    """Return the tops of a model at a size, by default its usual one, the highest first."""
+    size_m = size_m or usual_size_m(entry)
+    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
+    sides = np.array(size_m)
+    found = []
+    for region in asset_for(thing).regions:
+        T, half = region_frame(thing, region)
+        x, y, z = np.asarray(T)[:3, 3] / sides
+        found.append((float(z), float(x), float(y), float(half[0]) / size_m[0], float(half[1]) / size_m[1]))
+    return tuple(sorted(found, reverse=True))
+
+
+@cache
+def _edges(entry: ModelEntry) -> Array:
+    """Return (24, 2, 3) the edges of a model's hull in a unit box: of a box, or of a prism where it is round."""
+    if is_round(entry):
+        turns = 2 * math.pi * (np.arange(_ROUND_SIDES + 1) + 0.5) / _ROUND_SIDES
+        ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) / 2
+        low, high = (np.column_stack([ring, np.full(len(ring), z)]) for z in (-0.5, 0.5))
+        level = [np.stack([one[:-1], one[1:]], axis=1) for one in (low, high)]
+        return np.concatenate([*level, np.stack([low[:-1], high[:-1]], axis=1)])
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+    pairs = [(a, b) for a, b in itertools.combinations(corners, 2) if int((a != b).sum()) == 1]
+    return np.array(pairs + pairs)
+
+
+@cache
+def _parts(entry: ModelEntry) -> Array:
+    """Return (N, 2, 3) lowest and highest corners of the solid parts of a model in a unit box, boxes of all."""
+    size_m = usual_size_m(entry)
+    if entry.model in ("generic_box", "generic_cylinder", "generic_open_box"):
+        return np.array([[[-0.5] * 3, [0.5] * 3]])
+    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
+    found = []
+    for part in solid_parts(thing):
+        c, s = abs(math.cos(part.yaw_rad)), abs(math.sin(part.yaw_rad))
+        half = np.array([c * part.half_x_m + s * part.half_y_m, s * part.half_x_m + c * part.half_y_m])
+        low = [*(np.array([part.x_m, part.y_m]) - half), part.low_m - size_m[2] / 2]
+        high = [*(np.array([part.x_m, part.y_m]) + half), part.high_m - size_m[2] / 2]
+        found.append(np.array([low, high]) / size_m)
+    largest = sorted(found, key=lambda one: -float(np.prod(one[1] - one[0])))[:6]
+    return np.array(largest)
+
+
+def with_region(piece: Piece, below: Piece) -> Piece:
+    """Return a piece with the top of its support that it is on: the board next to where its box ends."""
+    regions = regions_of(below.entry)
+    if not regions:
+        return piece
+    if not has_boards(below.entry.category):
+        return replace(piece, region=regions[0])
+    _, y0, _, y1 = below.thing.box_px
+    share = (y1 - piece.thing.box_px[3]) / (y1 - y0)
+    return replace(piece, region=min(regions, key=lambda region: abs(region[0] - share)))
+
+
+def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
+    """Return a pose with the library's model that has its size, else with a generic shape."""
+    named = with_parts([entry for entry in named_models(thing) if entry.model in LIBRARY], thing.doors, thing.drawers)
+    rated = sorted((_misfit(entry, guess), number) for number, entry in enumerate(named))
+    for misfit, number in rated:
+        one = replace(guess, entry=named[number])
+        if misfit < _MISFIT and raycaster_of(one) is not None:
+            return one
+    shapes = shapes_of(view, thing)
+    for entry in shapes:
+        one = replace(guess, entry=entry)
+        if raycaster_of(one) is not None:
+            return one
+    size = np.clip(guess.size_m, 0.01, 3.0)
+    return replace(guess, entry=shapes[0], size_m=(float(size[0]), float(size[1]), float(size[2])))
+
+
+def shapes_of(view: Observation, thing: Detection) -> list[ModelEntry]:
+    """Return the generic shapes of a thing, the likeliest first.
+
+    Under a table other things are seen, a laptop may stand open, and most bowls do.
+    """
+    shapes = generic_models(thing)
+    if is_panel(thing.label):
+        return [replace(GENERIC["generic_panel_on_stand"], category=shapes[0].category), *shapes]
+    likeliest = shapes[0].model
+    if is_on_legs(thing):
+        likeliest = "generic_slab_on_legs"
+    elif is_raised(view, thing, 0.0):  # By a lower plane its proportions are the same.
+        likeliest = WITH_BACK
+    elif is_mostly_open(thing.label):
+        likeliest = "generic_open_box"
+    return sorted(shapes, key=lambda entry: entry.model != likeliest)
+
+
+def _misfit(entry: ModelEntry, guess: PoseHypothesis) -> float:
+    """Return the largest logarithm by which a side is beyond the sizes of a model."""
+    width = guess.size_m[1]
+    worst = 0.0
+    for value, span in zip(guess.size_m, (entry.length, entry.width, entry.height), strict=True):
+        unit = width if span.of_width else 1.0
+        worst = max(worst, math.log(span.low * unit / value), math.log(value / (span.high * unit)))
+    return worst
+
+
+class Jointly:
+    """The problem; its state is one row a piece: place, turn, and logarithms of length, width and height.
+
+    Args:
+        view: The picture, without depth.
+        pieces: The things; what carries others comes with its number.
+    """
+
+    def __init__(self, view: Observation, pieces: Sequence[Piece]) -> None:
+        self.view, self.pieces = view, list(pieces)
+        count = len(pieces)
+        self.X = np.zeros((count, 6))
+        self._apart_m = _APART_M[0]
+        self.base_m = np.zeros(count)  # Lower ends of what hangs.
+        self.placed = np.zeros(count, dtype=bool)
+        width, height = view.size_px
+        self._box = np.array([_snapped(piece.thing.box_px, width, height) for piece in pieces])
+        things = [piece.thing for piece in pieces]
+        self._hidden_low = np.array([is_foot_hidden(view, things, index) for index in range(count)])
+        sides = np.tile(self._box[:, 2:] - self._box[:, :2], 2)
+        self._sigma = _BOX_SHARE * sides + _BOX_PX * width / 1000.0
+        near_m = np.array([0.0, 0.0, 0.0, 0.0, _NEAREST_M])
+        K = view.K
+        # What the picture shows is between four planes through the camera, and before it.
+        self._planes = np.array(
+            [[K.fx, 0, K.cx], [-K.fx, 0, width - K.cx], [0, K.fy, K.cy], [0, -K.fy, height - K.cy], [0, 0, 1.0]]
+        )
+        self._near_m = near_m
+        self._edges = np.array([_edges(piece.entry) for piece in pieces])
+        self._prior, self._spread = (np.array(one) for one in zip(*(_sizes(piece) for piece in pieces), strict=True))
+        self._large = np.array([is_large(piece.entry) for piece in pieces])
+        self._parts = [_parts(piece.entry) for piece in pieces]
+        self._facing = np.array([self._faces(index) for index in range(count)])
+        self._order = sorted(range(count), key=self._depth)
+        self._above = [[j for j in range(count) if self.pieces[j].on == i] for i in range(count)]
+        self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
+        self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        self._ray = [self._sight(box) for box in self._box]
+        heading = view.heading_rad
+        self._headings = [] if heading is None else [heading + turn * math.pi / 2 for turn in range(4)]
+
+    def _faces(self, index: int) -> float:
+        """Return how much a piece faces the camera: what is seen on a seat or in a shelf is before its back."""
+        entry = self.pieces[index].entry
+        if not is_large(entry):
+            return 0.0
+        label = self.pieces[index].thing.label
+        has_back = is_seat(label) or is_lounge(label) or has_boards(entry.category)
+        carries = any(piece.on == index for piece in self.pieces)
+        return _FACING_CARRIER if has_back and carries else _FACING
+
+    def _sight(self, box: Array) -> tuple[tuple[float, float], float]:
+        """Return the heading (2,) of the view to the middle of a box, and its slope."""
+        K, (x0, y0, x1, y1) = self.view.K, box
+        pixel = np.array([((x0 + x1) / 2 - K.cx) / K.fx, ((y0 + y1) / 2 - K.cy) / K.fy, 1.0])
+        x, y, z = (float(value) for value in self.view.R_camera_level.T @ pixel)
+        level = max(math.hypot(x, y), 1e-6)
+        return (x / level, y / level), z / level
+
+    def _depth(self, index: int) -> int:
+        on = self.pieces[index].on
+        return 0 if on < 0 else 1 + self._depth(on)
+
+    def _model(self, index: int, entry: ModelEntry) -> None:
+        """Take a model for a piece, with the tops on which others are."""
+        self.pieces[index] = replace(self.pieces[index], entry=entry)
+        self._edges[index], self._parts[index] = _edges(entry), _parts(entry)
+        self._prior[index], self._spread[index] = _sizes(self.pieces[index])
+        for one in self._above[index]:
+            self.pieces[one] = with_region(self.pieces[one], self.pieces[index])
+
+    def solve(self, free: Sequence[int], evaluations: int) -> None:
+        """Start every free piece that has no place, what carries before what is carried, then optimise them at once."""
+        for index in (one for one in self._order if one in free):
+            if not self.placed[index]:
+                self._start(index)
+                entry = modelled(self.view, self.pieces[index].thing, self.pose(index)).entry
+                if entry != self.pieces[index].entry:
+                    self._model(index, entry)
+                    self._start(index)
+                self.placed[index] = True
+        rows = list(free)
+        if not rows or not evaluations:
+            return
+
+        def residuals(values: Array) -> Array:
+            X = self.X.copy()
+            X[rows] = values.reshape(-1, 6)
+            return self._residuals(X, rows)
+
+        # Overlaps count more in the end, when all else has found its place.
+        for self._apart_m in _APART_M:
+            found = least_squares(residuals, self.X[rows].ravel(), x_scale="jac", max_nfev=evaluations)
+            self.X[rows] = found.x.reshape(-1, 6)
+
+    def pose(self, index: int) -> PoseHypothesis:
+        """Return the hypothesis of a piece."""
+        x, y, yaw, *logs = self.X[index].tolist()
+        length, width, height = (math.exp(one) for one in logs)
+        if is_round(self.pieces[index].entry):
+            length = width
+        bottom_m = float(self._bottoms(self.X)[index])
+        return PoseHypothesis(self.pieces[index].entry, x, y, yaw, max(0.0, bottom_m), (length, width, height))
+
+    def put(self, index: int, guess: PoseHypothesis) -> None:
+        """Place a piece where it is known to be."""
+        self.X[index] = [guess.x_m, guess.y_m, guess.yaw_rad, *np.log(guess.size_m)]
+        self.base_m[index], self.placed[index] = guess.bottom_m, True
+        self._model(index, guess.entry)
+
+    def off(self, index: int) -> float:
+        """Return how badly a piece fills its box: the mean deviation of its outline's sides, in shares of the box."""
+        bounds = self._bounds(self.X, [index])[0]
+        sides = np.tile(self._box[index, 2:] - self._box[index, :2], 2)
+        return float(np.abs((bounds - self._box[index]) / sides).mean())
+
+    def _bottoms(self, X: Array) -> Array:
+        bottoms = self.base_m.copy()
+        for index in self._order:
+            on = self.pieces[index].on
+            if on >= 0:
+                bottoms[index] = bottoms[on] + self.pieces[index].region[0] * math.exp(min(X[on, 5], 3.0))
+        return bottoms
+
+    def _bounds(self, X: Array, rows: Sequence[int]) -> Array:
+        """Return (N, 4) the boxes of what the picture shows of some pieces, or of all of each that it does not show."""
+        some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
+        c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
+        local = self._edges[rows] * sizes[:, None, None]
+        x = c[:, None, None] * local[..., 0] - s[:, None, None] * local[..., 1] + some[:, 0, None, None]
+        y = s[:, None, None] * local[..., 0] + c[:, None, None] * local[..., 1] + some[:, 1, None, None]
+        z = local[..., 2] + (self._bottoms(X)[rows] + sizes[:, 2] / 2)[:, None, None]
+        at = (np.stack([x, y, z], axis=-1) - self.view.eye_m) @ self.view.R_camera_level.T
+        # Both ends' distances from each plane, above 0 in the picture.
+        inside = at @ self._planes.T - self._near_m
+        first, last = inside[:, :, 0], inside[:, :, 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = np.where(first * last < 0.0, first / (first - last), np.nan)
+        begin = np.nanmax(np.where((first < 0.0) & (last >= 0.0), crossing, 0.0), axis=-1)
+        end = np.nanmin(np.where((first >= 0.0) & (last < 0.0), crossing, 1.0), axis=-1)
+        shown = ((first >= 0.0) | (last >= 0.0)).all(axis=-1) & (begin < end)
+        t = np.stack([begin, end], axis=-1)[..., None]
+        clipped = at[:, :, :1] + t * (at[:, :, 1:] - at[:, :, :1])
+        nothing = ~shown.any(axis=1)
+        points = np.where(nothing[:, None, None, None], at, clipped)
+        depth = np.maximum(points[..., 2], _NEAREST_M)
+        K = self.view.K
+        pixels = np.stack([K.fx * points[..., 0] / depth + K.cx, K.fy * points[..., 1] / depth + K.cy], axis=-1)
+        counts = (shown | nothing[:, None])[:, :, None, None]
+        low = np.where(counts, pixels, np.inf).min(axis=(1, 2))
+        high = np.where(counts, pixels, -np.inf).max(axis=(1, 2))
+        return np.concatenate([low, high], axis=1)
+
+    def _residuals(self, X: Array, rows: Sequence[int]) -> Array:
+        parts = [self._box_residuals(X, rows), self._size_residuals(X, rows), self._turn_residuals(X, rows)]
+        bottoms = self._bottoms(X)
+        parts += [self._on_top(X, index) for index in rows if self.pieces[index].on >= 0]
+        parts.append(self._apart(X, bottoms, rows))
+        return np.concatenate(parts)
+
+    def _box_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+        """Return how far outlines are off their boxes, in standard deviations; a hidden foot may be lower."""
+        off = (self._bounds(X, rows) - self._box[rows]) / self._sigma[rows]
+        off[:, 3] = np.where(self._hidden_low[rows] & (off[:, 3] > 0.0), _HIDDEN * off[:, 3], off[:, 3])
+        return _robust(off, _ROBUST).ravel()
+
+    def _size_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+        """Return how far sizes are off those of their kinds: sides, aspects, and the longest side."""
+        L, W, H = np.clip(X[rows, 3:], -7.0, 3.0).T
+        longest = np.log(np.exp(6 * L) + np.exp(6 * W) + np.exp(6 * H)) / 6
+        values = np.stack([L, W, H, L - W, H - W, longest], axis=1)
+        return np.asarray((values - self._prior[rows]) / self._spread[rows]).ravel()
+
+    def _turn_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+        """Return how far furniture is turned out of the room's lines and away from the camera."""
+        some = X[rows]
+        away = np.arctan2(some[:, 1], some[:, 0])
+        facing = self._facing[rows] * (1.0 - np.cos(some[:, 2] - away))
+        if not self._headings:
+            return facing
+        askew = np.sin(2 * (some[:, 2] - self._headings[0])) / (2 * _HEADING_RAD)
+        return np.concatenate([facing, askew * self._large[rows]])
+
+    def _on_top(self, X: Array, index: int) -> Array:
+        """Return how far the middle of a piece is beside its top, (2,)."""
+        piece, on = self.pieces[index], self.pieces[index].on
+        _, mid_x, mid_y, half_x, half_y = piece.region
+        size, own = np.exp(X[on, 3:5]), np.exp(X[index, 3:5])
+        local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - np.array([mid_x, mid_y]) * size
+        turn = X[index, 2] - X[on, 2]
+        c, s = abs(math.cos(turn)), abs(math.sin(turn))
+        reach = np.array([c * own[0] + s * own[1], s * own[0] + c * own[1]]) / 2
+        half = np.array([half_x, half_y]) * size
+        # On an item, all of a thing is within its top or its rim.
+        free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if self._large[on] else reach), 0.0)
+        return np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+
+    def _solids(self, X: Array, bottoms: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return (N, 7) the solid parts of placed pieces: middle, half sides, lower end and turn; and whose (N,)."""
+        boxes, owners = [], []
+        for index in range(len(self.pieces)):
+            if not self.placed[index]:
+                continue
+            size, parts = np.exp(np.clip(X[index, 3:], -7.0, 3.0)), self._parts[index]
+            middle = _turned(parts.mean(axis=1)[:, :2] * size[:2], X[index, 2]) + X[index, :2]
+            half = (parts[:, 1] - parts[:, 0]) / 2 * size
+            low = bottoms[index] + (parts[:, 0, 2] + 0.5) * size[2]
+            turn = np.full(len(parts), X[index, 2])
+            boxes.append(np.column_stack([middle, half, low, turn]))
+            owners += [index] * len(parts)
+        return np.concatenate(boxes), np.array(owners)
+
+    def _seen(self, X: Array, flat: Array, owner: NDArray[np.int64], rows: Sequence[int]) -> Array:
+        """Return how far pieces are to be moved that hide what is seen in their boxes: behind it, aside, up or down."""
+        found = []
+        for hidden, before in self._sights(tuple(rows)):
+            parts = flat[owner == before]
+            if not len(parts) or not self.placed[hidden]:
+                continue
+            (along_x, along_y), slope = self._ray[hidden]
+            c, s = np.cos(parts[:, 6]), np.sin(parts[:, 6])
+            deep = parts[:, 2] * np.abs(along_x * c + along_y * s) + parts[:, 3] * np.abs(along_y * c - along_x * s)
+            wide = parts[:, 2] * np.abs(along_y * c - along_x * s) + parts[:, 3] * np.abs(along_x * c + along_y * s)
+            far = X[hidden, 0] * along_x + X[hidden, 1] * along_y
+            away = parts[:, 0] * along_x + parts[:, 1] * along_y
+            aside = np.abs(parts[:, 1] * along_x - parts[:, 0] * along_y)
+            sight = self.view.eye_m[2] + slope * np.clip(away, 0.0, max(far, 0.0))
+            high = parts[:, 5] + 2 * parts[:, 4]
+            off = np.minimum.reduce([wide - aside, far - away + deep, high - sight, sight - parts[:, 5]])
+            found.append(max(float(off.max()), 0.0) / _SEEN_M)
+        return _robust(np.array(found), _ROBUST)
+
+    def _sights(self, rows: tuple[int, ...]) -> list[tuple[int, int]]:
+        """Return pairs of a piece and a larger one in whose box its middle is seen, and which it does not carry."""
+        if rows not in self._known_sights:
+            found = []
+            for hidden, before in itertools.permutations(range(len(self.pieces)), 2):
+                x0, y0, x1, y1 = self._box[hidden]
+                left, top, right, bottom = self._box[before]
+                within = left < (x0 + x1) / 2 < right and top < (y0 + y1) / 2 < bottom
+                smaller = (x1 - x0) * (y1 - y0) < (right - left) * (bottom - top)
+                if within and smaller and {hidden, before} & set(rows) and self.pieces[before].on != hidden:
+                    found.append((hidden, before))
+            self._known_sights[rows] = found
+        return self._known_sights[rows]
+
+    def _apart(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
+        """Return how deep pieces are in each other, and how far before what is seen behind them."""
+        flat, owner = self._solids(X, bottoms)
+        owners = owner.tolist()
+        seen = self._seen(X, flat, owner, rows)
+        first, second = self._pairs(tuple(owners), tuple(rows))
+        if not len(first):
+            return seen
+        deep = _overlaps(flat[first], flat[second])
+        pair = owner[first] * len(self.pieces) + owner[second]
+        keys, where = np.unique(pair, return_inverse=True)
+        worst = np.zeros(len(keys))
+        np.maximum.at(worst, where, deep)
+        return np.concatenate([worst / self._apart_m, seen])
+
+    def _pairs(self, owners: tuple[int, ...], rows: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the numbers of parts that may not be in each other: of two pieces, such as a pillow and a back."""
+        if (owners, rows) in self._known_pairs:
+            return self._known_pairs[owners, rows]
+        free = set(rows)
+        found = [
+            (a, b)
+            for a, b in itertools.combinations(range(len(owners)), 2)
+            if owners[a] != owners[b] and (owners[a] in free or owners[b] in free)
+        ]
+        pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+        self._known_pairs = {(owners, rows): (pairs[:, 0], pairs[:, 1])}
+        return pairs[:, 0], pairs[:, 1]
+
+    def _start(self, index: int) -> None:
+        """Place a piece alone: several turns and distances, each optimised with what seems to stand on it."""
+        X = self.X.copy()
+
+        def residuals(values: Array) -> Array:
+            X[index] = values
+            parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
+            parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
+            if self.pieces[index].on >= 0:
+                parts.append(self._on_top(X, index))
+            parts.append(self._apart(X, self._bottoms(X), [index]))
+            return np.concatenate(parts)
+
+        self.placed[index] = True
+        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in self._starts(index)]
+        begun = sorted(begun, key=lambda one: float(one.cost))[:_FOLLOWED]
+        ended = [least_squares(residuals, one.x, x_scale="jac", max_nfev=_SECOND) for one in begun]
+        self.X[index] = min(ended, key=lambda one: float(one.cost)).x
+        self.X[index, 2] = math.remainder(self.X[index, 2], 2 * math.pi)
+
+    def _starts(self, index: int) -> list[Array]:
+        piece, view = self.pieces[index], self.view
+        x0, _, x1, y1 = piece.thing.box_px
+        bottom_m = float(self._bottoms(self.X)[index])
+        logs = self._prior[index, :3]
+        wide = float(np.exp(logs[1]))
+        K = view.K
+        ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
+        down_m = float(view.eye_m[2]) - bottom_m
+        level = max(float(np.hypot(*ray[:2])), 1e-6)
+        by_size_m = wide * K.fx / (x1 - x0)
+        t = down_m / -ray[2] if ray[2] < -1e-3 and down_m > 0.0 else math.inf
+        cut = bool(self._hidden_low[index]) or y1 > (1 - BORDER_SHARE) * view.size_px[1]
+        if not math.isfinite(t) or t * level > _FARTHEST_M:
+            t = by_size_m
+        reaches = [t * share for share in _NEARER] if not cut else [t, math.sqrt(t * by_size_m), by_size_m]
+        away = math.atan2(ray[1], ray[0])
+        if is_round(piece.entry):
+            turns = [away]
+        elif self._large[index] and self._headings:
+            turns = list(self._headings)
+        else:
+            count = _HEADINGS if self._large[index] else _HEADINGS // 2
+            turns = [away + 2 * math.pi * turn / _HEADINGS for turn in range(count)]
+        found = []
+        for reach, turn in itertools.product(reaches if self._large[index] else reaches[:1], turns):
+            size = logs.copy()
+            if not self._large[index]:
+                size = size + math.log(max((x1 - x0) / K.fx * reach, 0.01)) - float(logs[1])
+            along = reach * level + 0.4 * math.exp(min(size[0], size[1]))
+            found.append(np.array([along * math.cos(away), along * math.sin(away), turn, *size]))
+        return found
+
+    def _carried(self, X: Array, index: int) -> Array:
+        """Return how far things that have no place yet seem to be beside a piece, and off the sizes of their kinds."""
+        piece = self.pieces[index]
+        others = [one for one in self._above[index] if not self.placed[one]]
+        if not others:
+            return np.zeros(0)
+        size = np.exp(np.clip(X[index, 3:], -7.0, 3.0))
+        bottom_m = self._bottoms(X)[index]
+        K, view = self.view.K, self.view
+        found = []
+        for one in others:
+            share, mid_x, mid_y, half_x, half_y = self.pieces[one].region
+            x0, _, x1, y1 = self.pieces[one].thing.box_px
+            ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
+            down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
+            t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
+            at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
+            at -= np.array([mid_x, mid_y]) * size[:2]
+            beside = np.maximum(np.abs(at) - np.array([half_x, half_y]) * size[:2], 0.0) / 0.05
+            wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
+            found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
+        return np.array(found)
+
+
+def _sizes(piece: Piece) -> tuple[list[float], list[float]]:
+    """Return means and standard deviations of logarithms of length, width, height, two aspects and the longest side."""
+    entry, label = piece.entry, piece.thing.label
+    if piece.thing.size_m is not None:
+        logs = [math.log(one) for one in piece.thing.size_m]
+        return [*logs, logs[0] - logs[1], logs[2] - logs[1], max(logs)], [0.01, 0.01, 0.01, 1e3, 1e3, 1e3]
+    if entry.model not in GENERIC:
+        logs, spreads = [], []
+        width = (entry.width.low + entry.width.high) / 2
+        large = is_large(entry)
+        for number, span in enumerate((entry.length, entry.width, entry.height)):
+            unit = width if span.of_width else 1.0
+            least = (_SPREAD_TALL if number == 2 else _SPREAD_LARGE) if large else _SPREAD_ITEM
+            logs.append(math.log((span.low + span.high) / 2 * unit))
+            spreads.append(max(OF_RANGE * math.log(span.high / span.low), least, _LEAST_SPREAD))
+        aspect = 0.02 if is_round(entry) else 0.2
+        up = logs[2] - logs[1]
+        return [*logs, logs[0] - logs[1], up, max(logs)], [*spreads, aspect, 0.5, 1e3]
+    high_m, thick_m, long_m = usual_height_m(label), usual_thickness_m(label), usual_length_m(label)
+    any_m = long_m or (_PIECE_M if is_large(entry) else _ITEM_M)
+    logs, spreads = [math.log(any_m * 0.7)] * 3, [1e3] * 3
+    aspects, around = [0.0, 0.0], [_ASPECT, _UPRIGHT]
+    if is_round(entry):
+        around[0] = 0.02
+    if is_large(entry):
+        logs[2], spreads[2] = math.log(_HIGH_M), _PIECE_SPREAD
+    any_spread = _PIECE_SPREAD if is_large(entry) else _ANY_SPREAD
+    if high_m is not None:
+        logs[2], spreads[2], around[1] = math.log(high_m), _LYING_SPREAD, 1e3
+    if thick_m is not None:
+        logs[0], spreads[0], around[0] = math.log(thick_m), _LYING_SPREAD, 1e3
+    return [*logs, *aspects, math.log(any_m)], [*spreads, *around, any_spread if long_m is None else _LONG_SPREAD]
+
+
+def _snapped(box_px: tuple[float, float, float, float], width: int, height: int) -> list[float]:
+    """Return a box that ends at the picture's border where it ends next to it."""
+    x0, y0, x1, y1 = box_px
+    over_x, over_y = BORDER_SHARE * width, BORDER_SHARE * height
+    return [
+        0.0 if x0 < over_x else x0,
+        0.0 if y0 < over_y else y0,
+        float(width) if x1 > width - over_x else x1,
+        float(height) if y1 > height - over_y else y1,
+    ]
+
+
+def _robust(values: Array, most: float) -> Array:
+    """Return residuals whose squares grow in proportion beyond some standard deviations (Huber)."""
+    size = np.abs(values)
+    return np.sign(values) * np.where(size < most, size, np.sqrt(np.maximum(2 * most * size - most * most, 0.0)))
+
+
+def _turned(at: Array, turn: float) -> Array:
+    c, s = math.cos(turn), math.sin(turn)
+    return np.asarray(at @ np.array([[c, s], [-s, c]]))
+
+
+def _overlaps(first: Array, second: Array) -> Array:
+    """Return (N,) how far upright boxes (N, 7) are to be moved aside: middle, half sides, lower end and turn.
+
+    One that is over the other is not in it; that none escapes by becoming flat, the overlap of heights hardly counts.
+    """
+    high = np.minimum(first[:, 5] + 2 * first[:, 4], second[:, 5] + 2 * second[:, 4])
+    same = np.clip((high - np.maximum(first[:, 5], second[:, 5]) - _TOUCH_M) / _SAME_M, 0.0, 1.0)
+    deep = np.full(len(first), np.inf)
+    apart = second[:, :2] - first[:, :2]
+    for turn in (first[:, 6], second[:, 6]):
+        for axis in ((np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))):
+            reach = sum(
+                one[:, 2] * np.abs(axis[0] * np.cos(one[:, 6]) + axis[1] * np.sin(one[:, 6]))
+                + one[:, 3] * np.abs(axis[1] * np.cos(one[:, 6]) - axis[0] * np.sin(one[:, 6]))
+                for one in (first, second)
+            )
+            deep = np.minimum(deep, reach - np.abs(apart[:, 0] * axis[0] + apart[:, 1] * axis[1]))
+    return np.asarray(np.maximum(deep, 0.0) * same)

@@ -1,0 +1,133 @@
+"""Without depth, boxes, names and the camera's pose tell what stands on what, and every outline fills its box."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.assets.families.generic import GENERIC
+from executor.assets.library import LIBRARY, asset_for
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.inputs.annotations import FLOOR, WALL, Detection
+from executor.photo.overlaps import resolve_overlaps
+from executor.photo.room.beneath import supports_of
+from executor.photo.room.jointly import Jointly, Piece, shapes_of
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
+from executor.photo.scene import scene_of
+from oag.model.symbols import Kind
+from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
+from tests.executor.photo.test_hanging import flat, named
+
+BOX = GENERIC["generic_box"]
+MUG = PoseHypothesis(LIBRARY["cup"], 2.25, 0.3, 0.0, 0.7, (0.07, 0.07, 0.09))
+CARTON = PoseHypothesis(BOX, 1.3, 0.5, 0.0, 0.0, (0.3, 0.3, 0.25))
+
+
+def on_of(*things: tuple[PoseHypothesis, str]) -> list[int]:
+    """Return what carries each of some things under other names, seen without depth."""
+    seen, boxes = seen_from_above(*(thing for thing, _ in things))
+    renamed = [box if not label else named(label, box) for box, (_, label) in zip(boxes, things, strict=True)]
+    return supports_of(flat(seen), renamed)
+
+
+def test_what_ends_on_a_top_is_on_it_and_what_ends_before_it_is_on_the_floor() -> None:
+    assert on_of((TABLE, ""), (BOWL, ""), (MUG, ""), (CARTON, "box")) == [FLOOR, 0, 0, FLOOR]
+
+
+def test_what_is_seen_below_a_top_is_on_the_floor() -> None:
+    below = PoseHypothesis(BOX, 2.1, 0.1, 0.3, 0.0, (0.3, 0.5, 0.16))
+    assert on_of((TABLE, ""), (below, "pillow"))[1] == FLOOR
+    assert on_of((TABLE, ""), (replace(below, bottom_m=0.7), "pillow"))[1] == 0
+
+
+@pytest.mark.parametrize(("label", "on"), [("tray", 1), ("keyboard", 0)])
+def test_what_ends_on_an_item_is_on_it_where_things_usually_are(label: str, on: int) -> None:
+    board = PoseHypothesis(BOX, 2.05, 0.1, 0.3, 0.7, (0.3, 0.4, 0.03))
+    cup = replace(MUG, x_m=2.05, y_m=0.1, bottom_m=0.73)
+    assert on_of((TABLE, ""), (board, label), (cup, ""))[2] == on
+
+
+@pytest.mark.parametrize(
+    ("label", "bottom_m", "on"), [("shelf", 1.2, WALL), ("shelf", 0.0, FLOOR), ("chair", 0.0, FLOOR)]
+)
+def test_a_shelf_that_would_be_far_too_large_on_the_floor_hangs(label: str, bottom_m: float, on: int) -> None:
+    piece = PoseHypothesis(LIBRARY["shelf_open"], 3.2, 0.0, 0.0, bottom_m, (0.3, 0.8, 0.8))
+    seen, (box,) = seen_from_above(piece)
+    assert supports_of(flat(seen), [replace(box, label=label, category=label)]) == [on]
+
+
+def test_a_person_decides_what_a_thing_stands_on() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    assert supports_of(flat(seen), [boxes[0], replace(boxes[1], on=FLOOR)]) == [FLOOR, FLOOR]
+
+
+@pytest.fixture(scope="module")
+def room() -> FittedRoom:
+    """A table with a bowl and a mug, and a box before it."""
+    seen, (table, bowl, mug, carton) = seen_from_above(TABLE, BOWL, MUG, CARTON)
+    return reconstruct(flat(seen), [table, bowl, mug, named("box", carton)], ())
+
+
+def test_every_outline_fills_its_box_and_sizes_of_kinds_give_the_height(room: FittedRoom) -> None:
+    table, bowl, mug, carton = (thing.fit for thing in room.things)
+    assert min(one.in_box for one in (table, bowl, mug, carton)) > 0.75
+    assert table.guess.size_m[2] == pytest.approx(0.7, abs=0.1)
+    assert bowl.guess.bottom_m == mug.guess.bottom_m == pytest.approx(table.guess.size_m[2], abs=0.01)
+    assert (mug.guess.x_m, mug.guess.y_m) == pytest.approx((MUG.x_m, MUG.y_m), abs=0.25)
+    assert carton.guess.bottom_m == 0.0
+
+
+def test_they_make_a_scene_in_which_nothing_is_moved_far(room: FittedRoom) -> None:
+    found, made = scene_of(room, "drawn")
+    assert made.refused == "" and made.scene is not None
+    assert {"(ontop bowl_0 table_0)", "(ontop cup_0 table_0)"} <= {str(fact) for fact in made.scene.facts}
+    for key, guess in found.guesses.items():
+        assert math.dist(made.scene.objects[key].position[:2], (guess.x_m, guess.y_m)) < 0.03
+
+
+def test_nothing_hides_what_is_seen_in_its_box() -> None:
+    far = PoseHypothesis(replace(BOX, category="sofa"), 3.2, 0.0, 0.0, 0.0, (0.9, 2.6, 0.8))
+    near = PoseHypothesis(BOX, 1.8, 0.1, 0.0, 0.0, (0.3, 0.3, 0.3))
+    seen, (sofa, box) = seen_from_above(far, near)
+    found = reconstruct(flat(seen), [sofa, named("box", box)], ())
+    assert [thing.fit.in_box > 0.6 for thing in found.things] == [True, True]
+    assert found.things[1].fit.guess.x_m < found.things[0].fit.guess.x_m
+
+
+def test_a_lower_end_that_furniture_hides_may_be_lower() -> None:
+    chair = PoseHypothesis(LIBRARY["chair_wooden"], 3.0, 0.1, 0.0, 0.0, (0.43, 0.43, 0.86))
+    seen, boxes = seen_from_above(TABLE, chair)
+    x0, y0, x1, _ = boxes[1].box_px
+    cut = replace(boxes[1], box_px=(x0, y0, x1, boxes[0].box_px[1] + 8.0))
+    behind, alone = (reconstruct(flat(seen), some, ()).things[-1].fit.guess for some in ([boxes[0], cut], [cut]))
+    # Alone it ends where its box does: far off, or low.
+    ends = [math.hypot(one.x_m, one.y_m) / one.size_m[2] for one in (behind, alone)]
+    assert ends[0] < ends[1] - 0.1
+
+
+def test_the_outline_of_a_pose_is_that_of_its_model() -> None:
+    seen, (box,) = seen_from_above(CARTON)
+    thing = named("box", box)
+    problem = Jointly(flat(seen), [Piece(thing, BOX, FLOOR)])
+    problem.put(0, CARTON)
+    assert problem.off(0) < 0.03
+    problem.put(0, replace(CARTON, y_m=0.3))
+    assert problem.off(0) > 0.1
+    assert problem.pose(0).size_m == pytest.approx(CARTON.size_m)
+
+
+def test_below_the_panel_of_a_monitor_other_things_have_their_place() -> None:
+    detected = Detection("monitor", "monitor", (0.0, 0.0, 9.0, 9.0), 1.0, "me")
+    entry = shapes_of(detected)[0]
+    monitor = PoseHypothesis(entry, 2.0, 0.0, 0.0, 0.7, (0.18, 0.55, 0.45))
+    asset = asset_for(monitor.as_object())
+    assert asset.motion == "dynamic" and monitor.as_object().kind is Kind.ITEM
+    strip = PoseHypothesis(BOX, 2.0, 0.2, 0.0, 0.7, (0.05, 0.08, 0.04))
+    table = replace(TABLE, x_m=2.0)
+    kept, _ = resolve_overlaps({"table": table, "monitor": monitor, "strip": strip}, ())
+    assert (kept["strip"].x_m, kept["strip"].y_m) == pytest.approx((2.0, 0.2))
+    neck, _ = resolve_overlaps({"table": table, "monitor": monitor, "strip": replace(strip, y_m=0.0)}, ())
+    assert not np.allclose((neck["strip"].x_m, neck["strip"].y_m), (2.0, 0.0))
