@@ -11,7 +11,7 @@ import pytest
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY, asset_for
 from executor.photo.fitting.hypothesis import PoseHypothesis
-from executor.photo.inputs.annotations import FLOOR, WALL, Detection
+from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.jointly import Jointly, Piece, shapes_of
@@ -119,9 +119,25 @@ def test_the_outline_of_a_pose_is_that_of_its_model() -> None:
     assert problem.pose(0).size_m == pytest.approx(CARTON.size_m)
 
 
+@pytest.mark.parametrize(
+    ("label", "size_m", "model"),
+    [
+        ("laptop", (0.3, 0.33, 0.2), "generic_slab_with_back"),
+        ("laptop", (0.22, 0.33, 0.02), "generic_box"),
+        ("magazine", (0.3, 0.33, 0.2), "generic_box"),
+        ("mixing bowl", (0.2, 0.2, 0.1), "generic_open_box"),
+    ],
+)
+def test_a_box_alone_tells_whether_a_laptop_is_open_and_a_name_that_a_bowl_is(
+    label: str, size_m: tuple[float, float, float], model: str
+) -> None:
+    seen, (_, box) = seen_from_above(TABLE, replace(CARTON, x_m=2.0, y_m=0.0, bottom_m=0.7, size_m=size_m))
+    assert shapes_of(flat(seen), named(label, box))[0].model == model
+
+
 def test_below_the_panel_of_a_monitor_other_things_have_their_place() -> None:
-    detected = Detection("monitor", "monitor", (0.0, 0.0, 9.0, 9.0), 1.0, "me")
-    entry = shapes_of(detected)[0]
+    seen, (box,) = seen_from_above(replace(CARTON, x_m=2.0))
+    entry = shapes_of(flat(seen), named("monitor", box))[0]
     monitor = PoseHypothesis(entry, 2.0, 0.0, 0.0, 0.7, (0.18, 0.55, 0.45))
     asset = asset_for(monitor.as_object())
     assert asset.motion == "dynamic" and monitor.as_object().kind is Kind.ITEM
