@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,6 +33,7 @@ _NEARER_M = 0.02  # Error of a wall's distance, if an object behind it leaves no
 _ACROSS, _CORNER_M = 0.9, 0.3  # Walls meet about square; tolerance of ends behind a face.
 _DIGITS = 4
 _BEHIND_CLEARANCE_M = 0.001
+_LEAST_SHARE = 0.02  # Of what is visible of a thing: less is an edge.
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,8 @@ def made_of(
         thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]))
         for thing in found.things
     }
-    data = scene_json(guesses, found.walls, name, names)
+    colours = {thing.id: thing.colours for thing in found.things}
+    data = scene_json(guesses, found.walls, name, names, colours)
     try:
         made = complete_scene(data)
     except SceneError as problem:
@@ -146,7 +149,11 @@ def _culprit(blamed: str | None, guesses: Mapping[str, PoseHypothesis]) -> str |
 
 
 def scene_json(
-    guesses: Mapping[str, PoseHypothesis], walls: tuple[Wall, ...], name: str, names: Mapping[str, str]
+    guesses: Mapping[str, PoseHypothesis],
+    walls: tuple[Wall, ...],
+    name: str,
+    names: Mapping[str, str],
+    colours: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> dict[str, object]:
     """Return the content of a scene file without facts, which follow from geometry.
 
@@ -157,8 +164,14 @@ def scene_json(
         walls: The walls.
         name: Name of the scene.
         names: id -> category in the scene.
+        colours: id -> shares of colours that the picture shows of it, by which sentences tell things of one name apart.
     """
-    things = {key: _entry(replace(guess.as_object(key), category=names[key])) for key, guess in guesses.items()}
+    things = {}
+    for key, guess in guesses.items():
+        made = replace(guess.as_object(key), category=names[key])
+        shares = {name: round(share, 2) for name, share in colours.get(key, {}).items() if share >= _LEAST_SHARE}
+        more = {"color_shares": shares} if shares else {}
+        things[key] = _entry(replace(made, parameters={**made.parameters, **more}))
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
     for number, wall in enumerate(walls):
         key = f"wall_{number}"

@@ -10,7 +10,18 @@ from llm.offline.intents import Refusal, Support, Surroundings, alternatives, en
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
 from llm.offline.reader import REFERENCE_DIRECTIONS, Location, NounPhrase
-from llm.offline.viewpoint import COLORS, LEVELS, SIZES, by_size, on_side, placed, referenced, stated_colors
+from llm.offline.viewpoint import (
+    COLORS,
+    LEVELS,
+    SIZES,
+    by_measured_color,
+    by_size,
+    measured_colors,
+    on_side,
+    placed,
+    referenced,
+    stated_colors,
+)
 from oag import Scene
 from oag.model.symbols import has_boards
 from oag.model.where import Where
@@ -308,9 +319,16 @@ class Grounding:
         colours = tuple(word for word in words if word in COLORS)
         stated = {key: stated_colors(self.around.scene.objects[key]) for key in ids}
         for word in words:
-            if word in COLORS:
+            if word in COLORS and (clear := by_measured_color(ids, COLORS[word], self.around.scene)):
+                ids = clear
+            elif word in COLORS:
                 fitting = tuple(key for key in ids if COLORS[word] in stated[key])
                 unstated = tuple(key for key in ids if not stated[key])
+                if not fitting and all(measured_colors(self.around.scene.objects[key]) for key in ids):
+                    problem = (
+                        f'"{phrase}" can mean {alternatives(ids)}: the photograph does not tell which one is {word}'
+                    )
+                    raise Refusal("ambiguous-object", f"{problem}; say which one by its id")
                 if not fitting and not unstated:
                     others = "; ".join(f"{key} is {enumeration(sorted(have))}" for key, have in stated.items() if have)
                     asked = enumeration(colours) if len(colours) == 1 else f"{enumeration(colours)} at once"

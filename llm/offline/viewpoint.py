@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 from llm.offline.reader import Side
@@ -33,6 +33,23 @@ SIZES = {
     "tall": (True, True),
     "short": (False, True),
 }
+# Colour -> what a photograph in warm, cold or dim light may show of it instead.
+_NEAR = {
+    "red": ("orange", "pink"),
+    "orange": ("red", "yellow", "brown"),
+    "yellow": ("orange",),
+    "gold": ("yellow", "orange"),
+    "pink": ("red", "purple"),
+    "purple": ("blue", "pink"),
+    "blue": ("purple",),
+    "brown": ("orange", "beige"),
+    "beige": ("white", "brown"),
+    "white": ("grey", "beige"),
+    "silver": ("grey", "white"),
+    "grey": ("white", "black"),
+    "black": ("grey",),
+}
+_LEAST_SHARE, _CLEARLY_MORE = 0.05, 2.0
 # A smaller ratio of sizes is no difference that people would name.
 _CLEARLY = 1.15
 
@@ -90,9 +107,40 @@ def placed(ids: Sequence[str], word: str, scene: Scene) -> tuple[str, str] | Non
 
 
 def stated_colors(thing: SceneObject) -> frozenset[str]:
-    """Return the colours that a scene states of an object: in its parameters, or in its names."""
-    words = " ".join((thing.id, thing.category, thing.model, str(thing.parameters.get("color", "")))).lower()
+    """Return the colours that a scene states of an object: in its parameters, or in its names.
+
+    Where a photograph gave shares of colours, its model's own one states nothing.
+    """
+    own = "" if measured_colors(thing) else str(thing.parameters.get("color", ""))
+    words = " ".join((thing.id, thing.category, thing.model, own)).lower()
     return frozenset(COLORS[word] for word in re.split("[^a-z]+", words) if word in COLORS)
+
+
+def measured_colors(thing: SceneObject) -> dict[str, float]:
+    """Return colour -> its share of what a photograph shows of an object; empty where none was measured."""
+    shares = thing.parameters.get("color_shares")
+    if not isinstance(shares, Mapping):
+        return {}
+    return {str(name): float(share) for name, share in shares.items() if isinstance(share, int | float)}
+
+
+def by_measured_color(ids: tuple[str, ...], color: str, scene: Scene) -> tuple[str, ...]:
+    """Return the object that has clearly more of a colour than the others in a photograph; empty where none has.
+
+    Light shifts colours, so that they are compared, and neighbours count half. The only candidate is meant whatever
+    its colour: a person's word is worth more than a camera's.
+    """
+    measured = {key: measured_colors(scene.objects[key]) for key in ids}
+    if not all(measured.values()):
+        return ()
+    near = _NEAR.get(color, ())
+    amounts = {
+        key: have.get(color, 0.0) + sum(have.get(one, 0.0) for one in near) / 2 for key, have in measured.items()
+    }
+    *others, most = sorted(ids, key=lambda key: amounts[key])
+    if not others:
+        return ids
+    return (most,) if amounts[most] > max(_LEAST_SHARE, _CLEARLY_MORE * amounts[others[-1]]) else ()
 
 
 def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:

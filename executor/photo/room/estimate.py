@@ -13,7 +13,7 @@ from executor.assets.footprint import region_frame
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array
 from executor.photo.errors import LostCause
-from executor.photo.fitting.evidence import HUES, colour_name
+from executor.photo.fitting.evidence import colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
 from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext, usual_size_m
 from executor.photo.fitting.starts import LEAST_POINTS, foot_of, named_models, points_of, stands_on_floor
@@ -43,7 +43,8 @@ _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
 _FLAT = 0.35  # Share of its narrower side: what is lower is hardly in front of what stands on it.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
-_LOOKED_AT_PX = 2000  # Of what is seen of a thing, to tell its hues.
+_LOOKED_AT_PX = 2000  # Of what is visible of a thing, to tell its colours.
+_LEAST_SHOWN = 0.2  # Of its box: a fit that shows less there is of something else.
 
 
 @dataclass(frozen=True)
@@ -278,12 +279,14 @@ class RoomEstimate:
         visible = self._layers.visible()[index]
         return overlap(box_of(visible), self.detections[index].box_px) if visible.any() else 0.0
 
-    def hues(self, index: int) -> dict[str, float]:
-        """Return the share of each hue's name in the visible part of an object."""
-        pixels = self.observation.rgb[self._layers.visible()[index]]
+    def colours(self, index: int) -> dict[str, float]:
+        """Return the share of each colour's name in the visible part of an object within its box, else in its box."""
+        boxed = self.detections[index].pixels(self.observation.size_px)
+        shown = self._layers.visible()[index] & boxed
+        pixels = self.observation.rgb[shown if shown.sum() > _LEAST_SHOWN * boxed.sum() else boxed]
         some = pixels[:: len(pixels) // _LOOKED_AT_PX + 1].tolist()
         names = Counter(colour_name((red, green, blue)) for red, green, blue in some)
-        return {name: count / len(some) for name, count in names.items() if name in HUES}
+        return {name: count / max(len(some), 1) for name, count in names.items()}
 
     def is_on_floor(self, index: int) -> bool:
         """Return whether an object is furniture that stands on the floor, by its name, a given support and its depth.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 
@@ -31,11 +31,13 @@ class FittedThing:
         id: Its id in the scene.
         detection: Its detection.
         fit: Its fit.
+        colours: Name of a colour -> its share of what is visible of it.
     """
 
     id: str
     detection: Detection
     fit: Fit
+    colours: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -231,7 +233,7 @@ def _result(room: RoomEstimate) -> FittedRoom:
             unfitted.append(Unfitted(detection, room.lost[index]))
             continue
         name = f"{coloured[index]}{called[index]}"
-        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit))
+        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit, room.colours(index)))
         counts[name] += 1
     return FittedRoom(tuple(things), tuple(unfitted), room.walls)
 
@@ -242,7 +244,7 @@ def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
     A white bowl with a blue rim is the blue one beside a white one, and a dull mug with red flowers is red as well.
     """
     medians = {index: _colour_of(room.fits[index]) for index in alike}
-    shares = {index: room.hues(index) for index in alike}
+    shares = {index: {name: share for name, share in room.colours(index).items() if name in HUES} for index in alike}
     hues: dict[int, str] = {}
     for index in alike:
         others = [shares[other] for other in alike if other != index]

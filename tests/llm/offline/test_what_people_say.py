@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -139,6 +140,33 @@ def test_a_colour_means_what_is_stated_so_or_else_what_is_stated_nothing_of(colo
         assert error.code == ("ambiguous-object" if meant else "unknown-object")
     else:
         assert goal == {f"(inside mug_{meant[0]} gripper)"}
+
+
+SHARES = st.lists(st.sampled_from([0.0, 0.03, 0.2, 0.5, 0.9]), min_size=1, max_size=3)
+
+
+@given(SHARES, st.sampled_from(["red", "orange"]))
+def test_a_colour_that_a_photograph_shows_is_compared(shares: Sequence[float], shown: str) -> None:
+    scene = _mugs(["blue"] * len(shares))  # As the model of each is drawn, which states nothing then.
+    parameters = [{"color": "blue", "color_shares": {"grey": 1.0 - share, shown: share}} for share in shares]
+    mugs = {
+        f"mug_{index}": replace(scene.objects[f"mug_{index}"], parameters=own) for index, own in enumerate(parameters)
+    }
+    scene = replace(scene, objects={**scene.objects, **mugs})
+    # In warm light what is red looks orange, which counts half.
+    amounts = [share if shown == "red" else share / 2 for share in shares]
+    clear = [i for i, one in enumerate(amounts) if all(one > max(0.05, 2 * other) for other in _but(amounts, i))]
+    meant = clear if len(shares) > 1 else [0]
+    try:
+        proposal = llm.propose("pick up the red mug", scene)
+    except llm.QueryError as error:
+        assert not meant and error.code == "ambiguous-object"
+    else:
+        assert conjuncts(proposal.task.goal) == {f"(inside mug_{meant[0]} gripper)"}
+
+
+def _but(values: Sequence[float], index: int) -> list[float]:
+    return [*values[:index], *values[index + 1 :]]
 
 
 def _column(heights_m: Sequence[float], sizes_m: Sequence[float]) -> Scene:
