@@ -9,7 +9,7 @@ from functools import partial
 from types import MappingProxyType
 
 from executor.photo.errors import LostCause
-from executor.photo.fitting.evidence import HUES, colour_name
+from executor.photo.fitting.evidence import HUES
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.geometry.observation import Observation
@@ -19,8 +19,9 @@ from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
 
-_PATTERN, _MORE = 0.05, 4.0  # Share of a hue in what is seen of a thing; times that of any other of its name.
-_WARM = {"brown", "beige", "orange", "yellow"}  # One hue in different light.
+_PATTERN, _SHADE, _MORE = 0.05, 0.3, 2.0
+"""Share of a hue in what is visible of a thing, share of another colour, which may be a shadow; times that of any other
+thing of its name."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +217,7 @@ class _Reconstruction:
 
 
 def _result(room: RoomEstimate) -> FittedRoom:
-    """Name the fitted objects, with the colours before a name that tell it from others, or from its model's colour."""
+    """Name the fitted objects, with the colour before a name that tells it from others of that name."""
     called = {
         index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
         for index, fit in room.fits.items()
@@ -224,7 +225,7 @@ def _result(room: RoomEstimate) -> FittedRoom:
     coloured: dict[int, str] = {}
     for name in {*called.values()}:
         alike = [index for index, own in called.items() if own == name]
-        coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: _not_as_drawn(room.fits[alike[0]])}
+        coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: ""}
     counts: Counter[str] = Counter()
     things, unfitted = [], []
     for index, detection in enumerate(room.detections):
@@ -239,36 +240,20 @@ def _result(room: RoomEstimate) -> FittedRoom:
 
 
 def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
-    """Return the beginnings of the names of things of one name: the median colour, or a hue, that only one of them has.
+    """Return the beginnings of the names of things of one name: a colour of which one shows clearly more than the rest.
 
-    A white bowl with a blue rim is the blue one beside a white one, and a dull mug with red flowers is red as well.
+    A white bowl with a blue rim is the blue one beside a white one, and a dull mug with red flowers the red one.
     """
-    medians = {index: _colour_of(room.fits[index]) for index in alike}
-    shares = {index: {name: share for name, share in room.colours(index).items() if name in HUES} for index in alike}
-    hues: dict[int, str] = {}
-    for index in alike:
+    shares = {index: room.colours(index) for index in alike}
+    words: dict[int, str] = {}
+    for index, own in shares.items():
         others = [shares[other] for other in alike if other != index]
-        for hue, share in shares[index].items():
-            rest = max(one.get(hue, 0.0) for one in others)
-            if share > max(_PATTERN, _MORE * rest) and share >= shares[index].get(hues.get(index, ""), 0.0):
-                hues[index] = hue
-    left = Counter(colour for index, colour in medians.items() if index not in hues)
-    held = Counter(medians.values())
-    begun: dict[int, str] = {}
-    for index, median in medians.items():
-        pattern = hues.get(index)
-        words = [median] if median and (held[median] == 1 or (pattern is None and left[median] == 1)) else []
-        if pattern is not None and not (words and (pattern == median or {pattern, median} <= _WARM)):
-            words.append(pattern)
-        begun[index] = "".join(f"{word}_" for word in words)
-    return begun
-
-
-def _not_as_drawn(fit: Fit) -> str:
-    """Return the beginning of the name of a thing whose model has no such colour as its pixels have."""
-    colour, drawn = _colour_of(fit), dict(fit.guess.parameters).get("color")
-    return f"{colour}_" if drawn not in (None, colour) and colour in HUES.difference(_WARM) else ""
-
-
-def _colour_of(fit: Fit) -> str:
-    return "" if fit.colour is None else colour_name(fit.colour)
+        rest = {colour: max(one.get(colour, 0.0) for one in others) for colour in own}
+        least = {colour: _PATTERN if colour in HUES else _SHADE for colour in own}
+        clear = {colour: share for colour, share in own.items() if share > max(least[colour], _MORE * rest[colour])}
+        words[index] = max(clear, key=clear.__getitem__, default="")
+    most = {index: max(shares[index], key=shares[index].__getitem__) for index in alike if not words[index]}
+    for index, colour in most.items():
+        if [*most.values(), *words.values()].count(colour) == 1:
+            words[index] = colour
+    return {index: f"{word}_" if word else "" for index, word in words.items()}
