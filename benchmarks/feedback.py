@@ -41,7 +41,7 @@ from llm.proposing.model_proposer import Draft
 from llm.proposing.session import ModuleSession
 from llm.structured.ask import Log
 from llm.structured.conversation import Conversation
-from oag import Scene, Task, Verdict, compose
+from oag import Scene, SceneError, Task, Verdict, compose
 from oag.normal_form import canonical
 
 QUERIES = Path(__file__).with_name("feedback_queries.toml")
@@ -99,7 +99,7 @@ def attempt(transport: Transport, way: str, query: str, scene: Scene) -> Task | 
     """Return the task that a model proposes by one of the ways; None without one."""
     rounds = WAYS[way]
     # Answers that nobody has checked name what is not there, in formulas that nobody can read.
-    with suppress(llm.AnswersRefused, llm.QueryError, bddl.BDDLError, ValueError, LookupError):
+    with suppress(llm.AnswersRefused, llm.QueryError, bddl.BDDLError, SceneError, ValueError, LookupError):
         if way == FREE:
             return draft(Unconstrained(transport), query, scene)
         proposer = llm.ModelProposer(transport, rounds=rounds + 1, revisions=rounds, cross_check=False)

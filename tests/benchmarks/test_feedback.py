@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from llm.client.connect import connect
 from llm.client.recording import Recorder
 from llm.client.transport import Sampled
 from tests.llm.scripted_modules import Script, Wrong, right_answers, scene_of, without_subtask
+
+QUERY = "put the glass into the refrigerator"
 
 
 def test_queries_are_forty_over_ten_scenes_in_one_order() -> None:
@@ -35,7 +38,7 @@ def test_fewer_rounds_are_the_beginning_of_the_recorded_ones(tmp_path: Path, mon
 
     monkeypatch.setattr(feedback, "connect", connected)
     monkeypatch.setattr(feedback, "load_scene", lambda _: scene_of("T1"))
-    monkeypatch.setattr(feedback, "queries", lambda: [("kitchen_t1", "put the glass into the refrigerator")])
+    monkeypatch.setattr(feedback, "queries", lambda: [("kitchen_t1", QUERY)])
     feedback.record(tmp_path, "scripted", [0], 60.0)
     assert all(request.json_schema is None for request in opened[1].asked)
     _, _, *rows, answers = feedback.table([tmp_path], execute=False)
@@ -45,3 +48,11 @@ def test_fewer_rounds_are_the_beginning_of_the_recorded_ones(tmp_path: Path, mon
     assert proved == {"unconstrained": "0", "checked": "0", "feedback 1": "1", "feedback 3": "1"}
     assert float(found["checked"][5]) < float(found["feedback 1"][5]) == float(found["feedback 3"][5])
     assert f"{sum(len(script.asked) for script in opened)} recorded answers" in answers
+
+
+def test_an_unconstrained_answer_that_names_what_is_not_there_is_no_plan() -> None:
+    """A model of 0.5 billion wrote `bottle` for `bottle_0`; nobody had checked it."""
+    right, scene = right_answers("T1"), scene_of("T1")
+    wrong = {module: json.loads(json.dumps(answer).replace("glass_0", "glass")) for module, answer in right.items()}
+    assert feedback.attempt(Script(right, {}), feedback.FREE, QUERY, scene) is not None
+    assert feedback.attempt(Script(wrong, {}), feedback.FREE, QUERY, scene) is None
