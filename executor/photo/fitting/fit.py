@@ -14,6 +14,7 @@ from executor.geometry import Array
 from executor.photo.fitting.evidence import PixelEvidence, median_colour, with_colour
 from executor.photo.fitting.hypothesis import PoseHypothesis, as_built, has_ear, raycaster_of
 from executor.photo.fitting.likelihood import (
+    MOST_M,
     Fit,
     Likelihood,
     RatedHypothesis,
@@ -34,7 +35,7 @@ from executor.photo.fitting.refinement import (
     with_options,
     with_other_heights,
 )
-from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes, starts_of
+from executor.photo.fitting.starts import likely_boxes, starts_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from oag.model.symbols import FURNITURE_SIDE_M, Kind, kind_of
@@ -68,28 +69,26 @@ def fit_thing(
         box_px: The detection's box.
         entries: Candidate models.
         bottoms_m: Heights that it may stand on.
-        points: (N, 3) its own points; with hardly any, and without depth, the box is better evidence.
+        points: (N, 3) its own points, at least `LEAST_POINTS`.
         rough: Whether the likeliest start of a search does, which takes a fraction of the time.
     """
-    if len(points) < LEAST_POINTS:
-        points = np.zeros((0, 3))
     coarse = _likelihood(around, box_px, COARSE_PX)
     if not len(coarse.evidence.z_m):
         return None
     if rough:
-        begun = starts_of(around, box_px, entries, bottoms_m, points)
+        begun = starts_of(around.near, entries, bottoms_m, points)
         likeliest = min((coarse.rated(guess, colours=False) for guess in begun), key=lambda one: one.cost, default=None)
         if likeliest is None or not math.isfinite(likeliest.cost):
             return None
         found = _described(coarse, likeliest, ())
         return None if found is None else replace(found, rough=True)
     search, fine = (_likelihood(around, box_px, most) for most in (SEARCH_PX, FINE_PX))
-    boxes = likely_boxes(around, box_px, entries, bottoms_m, points, coarse, search)
+    boxes = likely_boxes(around.near, entries, bottoms_m, points, coarse, search)
     ranked = _ranked(boxes, entries, (coarse, search, fine))
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
-    if around.observation.has_depth and has_ear(best.guess.entry):
+    if has_ear(best.guess.entry):
         best = orient_by_ear(fine, best)
     return _described(fine, best, others)
 
@@ -198,18 +197,33 @@ def update_fit(around: SearchContext, box_px: tuple[float, float, float, float],
     return _described(fine, best, others) or found
 
 
-def described(around: SearchContext, box_px: tuple[float, float, float, float], guess: PoseHypothesis) -> Fit:
-    """Return a hypothesis that was found elsewhere as a fit, with its colour, quality and spread.
+def by_box(
+    around: SearchContext,
+    box_px: tuple[float, float, float, float],
+    guess: PoseHypothesis,
+    spread_m: tuple[float, float],
+) -> Fit:
+    """Return a hypothesis that was fitted to its box alone as a fit, with its colour and the share of the box.
 
     Args:
-        around: The context.
+        around: The context, without depth.
         box_px: The detection's box.
         guess: The hypothesis, which can be built.
+        spread_m: Standard deviations of its place and its worst side, but for the picture's scale.
     """
-    fine = _likelihood(around, box_px, FINE_PX)
-    found = _described(fine, RatedHypothesis(guess, 0.0), ())
-    assert found is not None, "it can be built"
-    return found
+    evidence, body = _likelihood(around, box_px, FINE_PX).evidence, raycaster_of(guess)
+    assert body is not None, "it can be built"
+    far_m = math.hypot(spread_m[0], around.scale_share * math.hypot(guess.x_m, guess.y_m))
+    return Fit(
+        with_colour(evidence, guess),
+        0.0,
+        (),
+        evidence.explained(guess, body),
+        math.inf,
+        len(evidence.z_m),
+        median_colour(evidence, guess),
+        (min(MOST_M, far_m), min(MOST_M, spread_m[1])),
+    )
 
 
 def assess_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit, in_box: float) -> Fit:
@@ -233,7 +247,7 @@ def _likelihood(around: SearchContext, box_px: tuple[float, float, float, float]
     pixels = PixelEvidence.around(
         around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
     )
-    return Likelihood(pixels, around.near, around.scale_share, around.above)
+    return Likelihood(pixels, around.near, around.scale_share, around.shows_boards)
 
 
 def _described(fine: Likelihood, best: RatedHypothesis, others: Sequence[RatedHypothesis]) -> Fit | None:

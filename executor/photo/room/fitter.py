@@ -19,12 +19,13 @@ from executor.photo.fitting.fit import (
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import generic_models, named_models, stands_on_floor
+from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection, plain_name
 from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
+from executor.photo.room.outlined import fit_by_box
 from oag.model.symbols import has_boards, is_known
 
 LEAST_IN_BOX = 0.5
@@ -115,18 +116,19 @@ class RoomFitter:
     def _fits(
         self, index: int, bottoms_m: Sequence[float] | None, hidden_by: tuple[int, ...], *, rough: bool = False
     ) -> Iterator[Fit]:
-        """Yield fits of a detection by decreasing evidence: its models, generic shapes, a shape by its box alone."""
+        """Yield fits of a detection by decreasing evidence: its models, generic shapes, whatever fills its box."""
         room, detection = self.room, self.room.detections[index]
-        generic = generic_models(detection)
-        for entries, by_box in ((_models(detection), False), (generic, False), (generic[:1], True)):
-            if not entries:
-                continue
-            around = room.around(index, hidden_by, by_box=by_box)
-            points = room.points(detection, around)
+        around = room.around(index, hidden_by)
+        points = room.points(detection, around)
+        if len(points) >= LEAST_POINTS:
             heights_m = bottoms_m or room.heights_m(detection, points)
-            found = fit_thing(around, detection.box_px, entries, heights_m, points, rough=rough)
-            if found is not None:
-                yield found
+            for entries in filter(None, (_models(detection), generic_models(detection))):
+                found = fit_thing(around, detection.box_px, entries, heights_m, points, rough=rough)
+                if found is not None:
+                    yield found
+        by_box = fit_by_box(room, index, bottoms_m, rough=rough)
+        if by_box is not None:
+            yield by_box
 
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
         """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.

@@ -22,12 +22,13 @@ from executor.photo.fitting.fit import fit_on_wall
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models, named_models
+from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import WALL, Detection
 from executor.photo.inputs.usual import hung_depth_m
-from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
+from executor.photo.room.beneath import support_of
+from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, is_furniture, is_item, tops_of
 from oag.model.symbols import has_boards
 
 Box = tuple[float, float, float, float]
@@ -48,8 +49,6 @@ _OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
 _USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
 _FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
 _DEEP_SHARE, _DEEP_M = 0.5, 0.08  # Of its sides, and most, of what nothing says how far it stands out.
-_BEYOND_M = 1.0  # Behind all furniture, what seems to be on the floor is on the wall.
-_LEAST_TALL_M = 0.5  # What is usual on walls stands on the floor only if it is so tall there: a clock, not a socket.
 _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
 
 
@@ -110,7 +109,8 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     inner = _within(view, (x0 + over_x, y0 + over_y, x1 - over_x, y1 - over_y))
     own = (inner if detection.mask is None else detection.mask) & view.measured
     if int(own.sum()) < LEAST_POINTS:
-        return None if usual_m is None else _by_box(room, index, around, usual_m)
+        hangs = usual_m is not None and support_of(view, room.detections, index) == WALL
+        return _by_box(room, index, around, usual_m) if hangs else None
     points = view.points_m[own]
     low_m = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
@@ -178,13 +178,9 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
     return "top" if float(carries[rows <= rows.min() + _NEXT * deep_px].mean()) > _SHARE else "open"
 
 
-def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
+def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float) -> Fit | None:
     view, detection = room.observation, room.detections[index]
     box_px = detection.box_px
-    tops = room.tops_seen_below(detection)
-    # What ends in the box of something that has a top is on that rather than on a wall behind it.
-    if tops and detection.on != WALL and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
-        return None
     ray = view.rays[
         min(int((box_px[1] + box_px[3]) / 2), view.size_px[1] - 1),
         min(int((box_px[0] + box_px[2]) / 2), view.size_px[0] - 1),
@@ -193,18 +189,6 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     standing = {
         key: fit.guess for key, fit in room.fits.items() if not is_item(fit.guess) and fit.guess.bottom_m == 0.0
     }
-    foot = foot_of(view, box_px, 0.0)
-    if usual_m is None:
-        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=math.inf)
-        if foot is not None and float(foot @ toward) < ends_m + _BEYOND_M:
-            return None
-        if foot is None and not standing:
-            return None
-    elif foot is not None and detection.on != WALL:
-        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=_AT_NOTHING_M)
-        tall_m = (box_px[3] - box_px[1]) / view.K.fy * float(np.linalg.norm(foot))
-        if float(foot @ toward) < ends_m + _BEYOND_M and tall_m > _LEAST_TALL_M:
-            return None
     far_m = _wall_m(room.detections, standing, box_px, toward)
     yaw_rad = min(
         (heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)),
@@ -213,17 +197,9 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     )
     normal = -np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
     wall = Wall(normal, far_m * float(toward @ normal), (0.0, 0.0), 0.0, math.inf)
-    wide_m, high_m = (side / view.K.fx * far_m for side in (box_px[2] - box_px[0], box_px[3] - box_px[1]))
-    deep_m = min(_DEEP_SHARE * min(wide_m, high_m), _DEEP_M) if usual_m is None else usual_m
     entry = generic_models(room.detections[index])[0]
     assumption = "it hangs, and how far off shows nothing: behind what is below it in the picture"
-    return fit_on_wall(around, box_px, entry, wall, max(deep_m, _LEAST_DEEP_M), assumption)
-
-
-def _is_over(view: Observation, top: Top, box_px: Box) -> bool:
-    """Return whether a box ends over a top."""
-    foot = foot_of(view, box_px, top.height_m)
-    return foot is not None and top.distance_m(foot) == 0.0
+    return fit_on_wall(around, box_px, entry, wall, max(usual_m, _LEAST_DEEP_M), assumption)
 
 
 def _wall_m(
