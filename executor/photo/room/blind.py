@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from executor.photo.errors import LostCause
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.inputs.annotations import FLOOR, WALL, Detection
+from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import hung_models
@@ -50,9 +50,7 @@ def fit_without_depth(
     hanging = [index for index in range(len(things)) if on[index] == WALL and index not in kept]
     for index in hanging:
         on_progress(f"fitting: {things[index].label or 'thing'} on a wall")
-        hangs = RoomEstimate(view, room.walls, [*_with_wall(things, index)], room.scale_share)
-        hangs.fits = room.fits
-        on_wall = hung(hangs, index, room.around(index))
+        on_wall = hung(room, index, room.around(index), WALL)
         if on_wall is None:
             # Its box looks beside every wall.
             problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
@@ -67,10 +65,6 @@ def fit_without_depth(
     for index in range(len(things)):
         if index in room.fits and index not in kept:
             room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
-
-
-def _with_wall(things: Sequence[Detection], index: int) -> Sequence[Detection]:
-    return [replace(one, on=WALL) if number == index else one for number, one in enumerate(things)]
 
 
 def _root(on: Sequence[int], index: int) -> int:

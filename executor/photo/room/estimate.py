@@ -33,15 +33,8 @@ NEAR_TOP_M = 0.13
 
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _MOST = 3
-_MISJUDGED_M, _MISJUDGED_SHARE = 0.5, 0.5
-"""A top may end so far before the things on it, without depth; in the picture, of the shorter side of a thing's box."""
-
-_MOST_HALF_M = 0.15
-_UPPER = 0.5  # Of a piece of furniture's box: what ends there is on it.
-_BEYOND_BOX = 0.05  # Of the sides of a support's box: a thing on it ends within so much more than it.
 _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
-_FLAT = 0.35  # Share of its narrower side: what is lower is hardly in front of what stands on it.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 _LOOKED_AT_PX = 2000  # Of what is seen of a thing, to tell its hues.
 

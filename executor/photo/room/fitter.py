@@ -12,7 +12,6 @@ from executor.assets.parameters import ModelEntry
 from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import (
     assess_fit,
-    fit_hung,
     fit_thing,
     update_fit,
 )
@@ -21,7 +20,7 @@ from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContex
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
-from executor.photo.inputs.annotations import Detection, plain_name
+from executor.photo.inputs.annotations import WALL, Detection, plain_name
 from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
@@ -35,7 +34,6 @@ _FLAT, _LEAST_HOLLOW_M = 0.25, 0.03
 """Least height of an open box by its narrower side, and that side: else it is a magazine, a plate or a pen."""
 
 _AS_GOOD = 1.1  # Times the cost of a closed box: so little tells nothing of its top.
-_HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -131,23 +129,11 @@ class RoomFitter:
             yield by_box
 
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
-        """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.
-
-        What only stands on the floor is lost.
-        """
-        room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
-        entries = hung_models(room.detections[index])
-        if not entries:
-            room.lost[index] = LostCause.STANDS
-            return None
-        under = []
-        for other, fit in room.fits.items():
-            left, top, right, bottom = room.detections[other].box_px
-            aside_px = max(0.0, left - x1, x0 - right)
-            under.append((aside_px, max(0.0, top - y1) if bottom > y1 else math.inf, fit.guess))
-        _, _, below = min(under, key=lambda one: one[:2], default=(0.0, 0.0, None))
-        far_m = _HUNG_M if below is None else math.hypot(below.x_m, below.y_m)
-        return fit_hung(around, room.detections[index].box_px, entries, far_m)
+        """Return a fit of what no ray meets a support below; what only stands on the floor is lost."""
+        found = hung(self.room, index, around, WALL) if hung_models(self.room.detections[index]) else None
+        if found is None:
+            self.room.lost[index] = LostCause.STANDS
+        return found
 
     def _is_view_unchanged(self, index: int, around: SearchContext) -> bool:
         """Return whether an object's box shows hardly anything else than at its last search; else remember the view."""
