@@ -1,9 +1,9 @@
 """Things that hang on walls: told by what is around their boxes, or by their names, and put on the plane behind them.
 
 With depth, what hangs is near an upright plane that goes on around its box, and below it is that plane or something
-farther. Without, what hangs is on no top, and ends beyond everything that stands on the floor. Names that are usual on
-walls (`usual.toml`) decide where neither is sure, but for what is on a top or ends on the floor. Furniture hangs here
-only where a person says so.
+farther. Without, `beneath.py` tells what hangs. Names that are usual on walls (`usual.toml`) decide where neither is
+sure, but for what is on a top or ends on the floor. Furniture hangs here where a person says so, or where nothing is
+below it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
 def hung(room: RoomEstimate, index: int, around: SearchContext, on: int | None = None) -> Fit | None:
     """Return the fit of a thing on a wall; None for what stands on something.
 
-    Furniture by its name hangs only where a person says so, and is not fixed: it opens and carries things.
+    Furniture by its name hangs only where that is known, and is not fixed: it opens and carries things.
 
     Args:
         room: The estimate, which lacks the thing.

@@ -12,6 +12,7 @@ import pytest
 import llm
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY
+from executor.photo.errors import LostCause
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.fitting.starts import generic_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
@@ -210,6 +211,15 @@ def test_without_depth_what_ends_on_the_floor_does_not_hang_by_its_name(
     seen, (table, box) = seen_from_above(TABLE, tall)
     things = reconstruct(flat(seen), [table, named(label, box)], ()).things
     assert not things[1].fit.guess.fixed
+
+
+@pytest.mark.parametrize(("label", "hangs"), [("picture", True), ("gadget", True), ("table", False)])
+def test_what_the_sensor_does_not_see_hangs_where_nothing_is_below_it(label: str, hangs: bool) -> None:
+    seen, (_, box) = seen_from_above(WALL, replace(PANEL, bottom_m=1.3))
+    holes = replace(seen, z_m=np.where(box.pixels(seen.size_px), 0.0, seen.z_m))
+    room = reconstruct(holes, [named(label, box)], ())
+    assert [thing.fit.hangs for thing in room.things] == [True] * hangs
+    assert [one.cause for one in room.unfitted] == [LostCause.STANDS] * (not hangs)
 
 
 def test_without_depth_a_socket_near_the_floor_hangs() -> None:
