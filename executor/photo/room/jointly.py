@@ -319,12 +319,6 @@ class Jointly:
         sides_m = np.sqrt(np.maximum(np.diag(covariance)[3:], 0.0)) * self.pose(index).size_m
         return math.sqrt(max(0.0, place)), float(sides_m.max())
 
-    def off(self, index: int) -> float:
-        """Return how badly a piece fills its box: the mean deviation of its outline's sides, in shares of the box."""
-        bounds = self._bounds(self.X, [index])[0]
-        sides = np.tile(self._box[index, 2:] - self._box[index, :2], 2)
-        return float(np.abs((bounds - self._box[index]) / sides).mean())
-
     def _bottoms(self, X: Array) -> Array:
         bottoms = self.base_m.copy()
         for index in self._order:
