@@ -17,7 +17,7 @@ from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import foot_of, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection
-from executor.photo.room.beneath import support_of
+from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
 
@@ -39,26 +39,29 @@ def fit_by_box(room: RoomEstimate, index: int, bottoms_m: Sequence[float] | None
         z_m=np.zeros_like(room.observation.z_m),
         heading_rad=headings[0] if headings else None,
     )
-    known = list(room.fits)
+    on = supports_of(view, room.detections)
+    # What seems to stand on it tells of its top: it is placed again with it, as without depth.
+    carried = [one for one, below in enumerate(on) if below == index]
+    known = [one for one in room.fits if one not in carried]
     pieces = [Piece(room.detections[one], room.fits[one].guess.entry, FLOOR) for one in known]
     piece = Piece(thing, entry_of(view, thing), FLOOR)
     heights_m = bottoms_m or room.heights_m(thing, _NOTHING)
     if not heights_m:
-        on = support_of(view, room.detections, index)
-        if on == WALL:
+        if on[index] == WALL:
             return None
-        if on in room.fits:
-            piece = replace(piece, on=known.index(on))
+        if on[index] in known:
+            piece = replace(piece, on=known.index(on[index]))
             piece = with_region(piece, pieces[piece.on])
     bottom_m = heights_m[0] if heights_m else 0.0
     if piece.on == FLOOR and bottom_m < view.eye_m[2] and foot_of(view, thing.box_px, bottom_m) is None:
         return None
-    problem = Jointly(view, [*pieces, piece])
+    own = len(known)
+    others = (Piece(room.detections[one], entry_of(view, room.detections[one]), own) for one in carried)
+    problem = Jointly(view, [*pieces, piece, *(with_region(one, piece) for one in others)])
     for number, one in enumerate(known):
         problem.put(number, room.fits[one].guess)
-    own = len(known)
     problem.base_m[own] = bottom_m
-    problem.solve([own], 0 if rough else MOST_STEPS)
+    problem.solve(range(own, len(problem.pieces)), 0 if rough else MOST_STEPS)
     return replace(fit_of(room, index, problem, own), rough=rough)
 
 
