@@ -2,7 +2,7 @@
 
 Each pixel of a box has a measured depth, and the depth of everything else in the room. The hypothesis is rendered into
 that. It is wrong where something farther is measured through it; something nearer may be another object in front.
-Pixels that it covers outside the box cost. Without depth the box is the only evidence.
+Pixels that it covers outside the box cost. Without depth the pixels tell only colours.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class PixelEvidence:
         rgb: (N, 3) in 0 to 1.
         mine: (N,) whether something nearer than everything else was measured in the box.
         weight: How many independent measurements a mean over the pixels stands for.
-        has_depth: Whether depth was measured; else box and colours are the only evidence.
+        has_depth: Whether depth was measured; else its pixels tell only colours.
     """
 
     observation: Observation
@@ -135,14 +135,10 @@ class PixelEvidence:
 
     def cost(self, guess: PoseHypothesis, body: MeshRaycaster) -> float:
         """Return the depth cost of a hypothesis, as a negative logarithm of likelihood."""
-        if not self.has_depth:
-            return 0.0
         return self.depth_cost(body.depth(guess, self.observation.eye_m, self.rays))
 
     def depth_cost(self, depth: Array) -> float:
-        """Return the depth cost of a rendered hypothesis (N,), 0 without measured depth."""
-        if not self.has_depth:
-            return 0.0
+        """Return the depth cost of a rendered hypothesis (N,)."""
         off = (self.z_m - np.minimum(depth, self.other_m)) / self.sigma_m
         beyond = off > 0.0
         square = np.minimum(0.5 * off * off, np.where(beyond, _TRANSPARENCY_COST, _HIDDEN_COST))
@@ -211,7 +207,7 @@ class PixelEvidence:
             sigma = (last - first) * _BOX_SIGMA_SHARE + 1.0
             for over in (first - min(max(begin, 0.0), most), min(max(end, 0.0), most) - last):
                 off = abs(over) / sigma
-                if over > 0.0 and self.has_depth:
+                if over > 0.0:
                     total += min(_BEYOND_WEIGHT * off * off, _MOST_BEYOND)
                 elif off < _SHORT_SIGMAS:
                     total += 0.5 * off * off

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.families.generic import GENERIC
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.evidence import PixelEvidence, median_colour, with_colour
 from executor.photo.fitting.hypothesis import PoseHypothesis, as_built, has_ear, raycaster_of
 from executor.photo.fitting.likelihood import (
+    MOST_M,
     Fit,
     Likelihood,
     RatedHypothesis,
@@ -21,7 +21,6 @@ from executor.photo.fitting.likelihood import (
     best_of_models,
     by_cost,
     spreads_m,
-    usual_size_m,
 )
 from executor.photo.fitting.refinement import (
     all_turns,
@@ -34,10 +33,10 @@ from executor.photo.fitting.refinement import (
     with_options,
     with_other_heights,
 )
-from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes, starts_of
+from executor.photo.fitting.starts import likely_boxes, starts_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from oag.model.symbols import FURNITURE_SIDE_M, Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 3000
 """Pixels of an object to choose starts, to search, and to choose options."""
@@ -47,7 +46,6 @@ _OPENED, _FINISHED, _POLISHED = 12, 4, 2  # Guesses whose options are tried, tha
 _SECOND, _LAST = 160, 120  # Renderings of a search.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and sides.
-_HUNG_DEEP, _HUNG_DEEP_M = 0.5, FURNITURE_SIDE_M + 0.01  # Of a box on a wall: share of its sides, and most.
 _WALL_ROUNDS, _LEAST_HUNG_M, _OFF_WALL_M, _LEAST_SLOPE = 4, 0.01, 0.002, 0.05
 """Of a thing on a wall: how often it is fitted to its box again, least side, gap to the wall, least slope of rays."""
 
@@ -68,66 +66,28 @@ def fit_thing(
         box_px: The detection's box.
         entries: Candidate models.
         bottoms_m: Heights that it may stand on.
-        points: (N, 3) its own points; with hardly any, and without depth, the box is better evidence.
+        points: (N, 3) its own points, at least `LEAST_POINTS`.
         rough: Whether the likeliest start of a search does, which takes a fraction of the time.
     """
-    if len(points) < LEAST_POINTS:
-        points = np.zeros((0, 3))
     coarse = _likelihood(around, box_px, COARSE_PX)
     if not len(coarse.evidence.z_m):
         return None
     if rough:
-        begun = starts_of(around, box_px, entries, bottoms_m, points)
+        begun = starts_of(around.near, entries, bottoms_m, points)
         likeliest = min((coarse.rated(guess, colours=False) for guess in begun), key=lambda one: one.cost, default=None)
         if likeliest is None or not math.isfinite(likeliest.cost):
             return None
         found = _described(coarse, likeliest, ())
         return None if found is None else replace(found, rough=True)
     search, fine = (_likelihood(around, box_px, most) for most in (SEARCH_PX, FINE_PX))
-    boxes = likely_boxes(around, box_px, entries, bottoms_m, points, coarse, search)
+    boxes = likely_boxes(around.near, entries, bottoms_m, points, coarse, search)
     ranked = _ranked(boxes, entries, (coarse, search, fine))
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
-    if around.observation.has_depth and has_ear(best.guess.entry):
+    if has_ear(best.guess.entry):
         best = orient_by_ear(fine, best)
     return _described(fine, best, others)
-
-
-def fit_hung(
-    around: SearchContext, box_px: tuple[float, float, float, float], entries: Sequence[ModelEntry], far_m: float
-) -> Fit:
-    """Return what hangs so far off that it fills its box, facing as furniture does; the first model that can be built.
-
-    Args:
-        around: The context.
-        box_px: The detection's box.
-        entries: Candidate models, the likeliest first; a box is among them.
-        far_m: Distance of its middle along the floor; measured depth decides.
-    """
-    view, (x0, y0, x1, y1) = around.observation, box_px
-    window = np.s_[round(y0) : max(round(y1), round(y0) + 1), round(x0) : max(round(x1), round(x0) + 1)]
-    ray = view.rays[min(int((y0 + y1) / 2), view.size_px[1] - 1), min(int((x0 + x1) / 2), view.size_px[0] - 1)]
-    measured = view.z_m[window][view.measured[window]]
-    along_m = float(np.median(measured)) if len(measured) else far_m / max(float(np.linalg.norm(ray[:2])), 1e-6)
-    x, y, z = (float(value) for value in view.eye_m + along_m * ray)
-    wide_m, high_m = (x1 - x0) / view.K.fx * along_m, (y1 - y0) / view.K.fy * along_m
-    away = math.atan2(y, x)
-    turns = [heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)]
-    yaw = min(turns or [away], key=lambda turn: abs(math.remainder(turn - away, 2 * math.pi)))
-    spread_m = around.scale_share * math.hypot(x, y)
-    assumption = "how far off it is shows nothing: as far as what is below it in the picture"
-    for entry in entries:
-        # Furniture can hang, and is as deep; what is narrower is an item, and comes to rest on a top.
-        generic_m = _HUNG_DEEP_M if wide_m > _HUNG_DEEP_M else _HUNG_DEEP * min(wide_m, high_m)
-        deep_m = generic_m if entry.model in GENERIC else usual_size_m(entry)[0]
-        size = entry.length.clipped(deep_m, wide_m), entry.width.clipped(wide_m), entry.height.clipped(high_m, wide_m)
-        guess = PoseHypothesis(entry, x, y, yaw, max(0.0, z - size[2] / 2), size)
-        if raycaster_of(guess) is not None:
-            return Fit(
-                as_built(guess), 0.0, (), 1.0, math.inf, 0, None, (spread_m, 0.0), assumed=assumption, hangs=True
-            )
-    raise AssertionError("a box can be built in any size")
 
 
 def fit_on_wall(
@@ -198,18 +158,33 @@ def update_fit(around: SearchContext, box_px: tuple[float, float, float, float],
     return _described(fine, best, others) or found
 
 
-def described(around: SearchContext, box_px: tuple[float, float, float, float], guess: PoseHypothesis) -> Fit:
-    """Return a hypothesis that was found elsewhere as a fit, with its colour, quality and spread.
+def by_box(
+    around: SearchContext,
+    box_px: tuple[float, float, float, float],
+    guess: PoseHypothesis,
+    spread_m: tuple[float, float],
+) -> Fit:
+    """Return a hypothesis that was fitted to its box alone as a fit, with its colour and the share of the box.
 
     Args:
-        around: The context.
+        around: The context, without depth.
         box_px: The detection's box.
         guess: The hypothesis, which can be built.
+        spread_m: Standard deviations of its place and its worst side, but for the picture's scale.
     """
-    fine = _likelihood(around, box_px, FINE_PX)
-    found = _described(fine, RatedHypothesis(guess, 0.0), ())
-    assert found is not None, "it can be built"
-    return found
+    evidence, body = _likelihood(around, box_px, FINE_PX).evidence, raycaster_of(guess)
+    assert body is not None, "it can be built"
+    far_m = math.hypot(spread_m[0], around.scale_share * math.hypot(guess.x_m, guess.y_m))
+    return Fit(
+        with_colour(evidence, guess),
+        0.0,
+        (),
+        evidence.explained(guess, body),
+        math.inf,
+        len(evidence.z_m),
+        median_colour(evidence, guess),
+        (min(MOST_M, far_m), min(MOST_M, spread_m[1])),
+    )
 
 
 def assess_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit, in_box: float) -> Fit:
@@ -233,7 +208,7 @@ def _likelihood(around: SearchContext, box_px: tuple[float, float, float, float]
     pixels = PixelEvidence.around(
         around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
     )
-    return Likelihood(pixels, around.near, around.scale_share, around.above)
+    return Likelihood(pixels, around.near, around.scale_share, around.shows_boards)
 
 
 def _described(fine: Likelihood, best: RatedHypothesis, others: Sequence[RatedHypothesis]) -> Fit | None:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.families.generic import GENERIC, LEAN, WITH_BACK
+from executor.assets.families.generic import LEAN, WITH_BACK
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
@@ -23,7 +23,7 @@ from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Size, is_round, largest_m, raycaster_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.usual import is_folding, usual_height_m, usual_thickness_m
+from executor.photo.inputs.usual import is_folding
 from executor.scenes.models import ABSURD
 from oag.model.symbols import Kind, has_boards, kind_of
 
@@ -46,16 +46,6 @@ OF_RANGE = 0.29
 """Standard deviation of a uniform distribution over a range, as is assumed of models' sizes."""
 
 _ASKEW = math.sin(2 * math.radians(8.0))
-_LENGTH_SPREAD, _HEIGHT_SPREAD = 0.5, 0.8
-"""Standard deviations of the logarithms of a thing's length and height by its width, where its name tells nothing."""
-
-_THICK_SPREAD = 0.15  # The same of a thickness or a height that the name tells.
-_CARRIED_SIGMA_M, _CARRIED_MOST = 0.08, 6.0
-"""How far beside a top things on it may seem to end, without depth; the most that one costs, which may be elsewhere."""
-
-_SEATS, _FRONT = ("armchair", "chair", "sofa"), math.cos(math.radians(45.0))
-"""Farther round from the view, the back or arm of a seat is before what is on it."""
-
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
@@ -144,57 +134,6 @@ def usual_size_m(entry: ModelEntry) -> Size:
         (span.low + span.high) / 2 * (width if span.of_width else 1.0) for span in (entry.length, entry.height)
     )
     return length, width, height
-
-
-def usual_size_cost(guess: PoseHypothesis) -> float:
-    """Return the cost of a hypothesis against the usual size of its model, which gives sizes without depth."""
-    entry, (length, width, height) = guess.entry, guess.size_m
-    if entry.model in GENERIC:
-        usual_m = usual_thickness_m(entry.category)
-        along = math.log(length / width) / _LENGTH_SPREAD
-        if usual_m is not None:
-            along = math.log(length / usual_m) / _THICK_SPREAD
-        high_m = usual_height_m(entry.category)
-        up = math.log(height / width) / _HEIGHT_SPREAD if high_m is None else math.log(height / high_m) / _THICK_SPREAD
-        off = along, up
-        return 0.5 * (off[0] ** 2 + off[1] ** 2)
-    cost = 0.0
-    for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
-        unit = width if span.of_width else 1.0
-        sigma = max((span.high - span.low) * unit * OF_RANGE, _BEYOND_M)
-        cost += 0.5 * ((value - (span.low + span.high) / 2 * unit) / sigma) ** 2
-    return cost
-
-
-def carried_cost(guess: PoseHypothesis, eye_m: Array, above: Array) -> float:
-    """Return the cost of a piece whose top is not below the things that seem to stand on it, or is behind its back.
-
-    What is on boards is seen from their open side.
-
-    Args:
-        guess: The piece.
-        eye_m: (3,) the camera.
-        above: (N, 3) rays to where the boxes of those things end.
-    """
-    top = top_shares(guess.entry) if len(above) else None
-    if top is None:
-        return 0.0
-    height, *shares = top
-    facing = guess.x_m * math.cos(guess.yaw_rad) + guess.y_m * math.sin(guess.yaw_rad)
-    if has_boards(guess.entry.category) and facing < 0.0:
-        return math.inf
-    if guess.entry.category in _SEATS and facing < _FRONT * math.hypot(guess.x_m, guess.y_m):
-        return _CARRIED_MOST * len(above)
-    middle, half = np.array(shares[:2]) * guess.size_m[:2], np.array(shares[2:]) * guess.size_m[:2]
-    down_m = float(eye_m[2]) - guess.bottom_m - height * guess.size_m[2]
-    with np.errstate(divide="ignore"):
-        t = np.where(above[:, 2] < 0.0, down_m / -above[:, 2], np.inf)
-    if down_m <= 0.0 or not np.isfinite(t).any():
-        return _CARRIED_MOST * len(above)
-    at = eye_m[:2] + above[:, :2] * np.minimum(t, _FARTHEST_M)[:, None] - [guess.x_m, guess.y_m]
-    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
-    beside = np.maximum(np.abs(at @ np.array([[c, -s], [s, c]]) - middle) - half, 0.0) / _CARRIED_SIGMA_M
-    return float(np.minimum(0.5 * (beside * beside).sum(axis=1), _CARRIED_MOST).sum())
 
 
 @cache
@@ -306,9 +245,10 @@ def _against(gap_m: float) -> float:
 _STEPS = np.array([0.02, 0.02, 0.05, 0.01, 0.01, 0.01])  # Metres and radians, over which costs are about quadratic.
 _STEP_SHARE = 0.2  # Of the least side, which a step is at most.
 _LOOSEST = 1e-3  # Of the sharpest direction: looser ones are unknown.
-_MOST_M = 1.0
+MOST_M = 1.0
+"""The largest uncertainty of a place or a side that is told."""
+
 _HIGHEST = 1e6  # Cost of impossible hypotheses in differences.
-_FARTHEST_M = 10.0  # In a room.
 _PLACED_M = 0.1  # Uncertainty of a place that suffices for a plan.
 
 
@@ -340,27 +280,25 @@ class Likelihood:
     Attributes:
         evidence: Its pixels at one resolution.
         near: The walls and the other furniture.
-        scale_share: Relative uncertainty of the picture's scale, without depth.
-        above: (N, 3) rays to where boxes of things end that may stand on it.
+        scale_share: Relative uncertainty of the picture's scale.
+        shows_boards: Whether things are seen on its boards, from their open side.
     """
 
     evidence: PixelEvidence
     near: Neighbourhood
     scale_share: float = 0.0
-    above: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    shows_boards: bool = False
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost by box and prior; infinite for an impossible hypothesis."""
         cost = prior_cost(guess, self.near)
         if not math.isfinite(cost):
             return math.inf
-        cost += self.evidence.box_cost(guess)
-        carried = carried_cost(guess, self.evidence.observation.eye_m, self.above)
-        if self.evidence.has_depth:
-            return cost if math.isfinite(carried) else math.inf
-        cost += carried
-        # Near the horizon, a little of the picture is many metres.
-        return cost + usual_size_cost(guess) if math.hypot(guess.x_m, guess.y_m) < _FARTHEST_M else math.inf
+        if self.shows_boards and has_boards(guess.entry.category):
+            facing = guess.x_m * math.cos(guess.yaw_rad) + guess.y_m * math.sin(guess.yaw_rad)
+            if facing < 0.0:
+                return math.inf
+        return cost + self.evidence.box_cost(guess)
 
     def cost(self, guess: PoseHypothesis, body: MeshRaycaster | None = None, *, colours: bool = True) -> float:
         """Return the cost of a hypothesis, infinite if it cannot be built.
@@ -371,8 +309,6 @@ class Likelihood:
             colours: Whether colours are evaluated, which is slower.
         """
         cost, evidence = self.box_cost(guess), self.evidence
-        if not evidence.has_depth:
-            return cost
         body = (body or raycaster_of(guess)) if math.isfinite(cost) else None
         if body is None:
             return math.inf
@@ -397,8 +333,7 @@ class Fit:
 
     Attributes:
         guess: The best hypothesis.
-        cost: Its cost. With depth only differences between hypotheses of one object are meaningful; without, a good fit
-            costs about nothing or less.
+        cost: Its cost. Only differences between hypotheses of one object are meaningful.
         alternatives: The best hypothesis of every other model, best first.
         explained: Share of the object's pixels that it explains.
         residual_m: Median distance between its surface and the measured depth.
@@ -451,9 +386,9 @@ class SearchContext:
         other_m, other: (H, W) depth of everything else known, and its face number.
         smaller: (H, W) pixels in boxes of smaller objects.
         near: The walls and the other furniture.
-        scale_share: Relative uncertainty of the picture's scale, without depth.
+        scale_share: Relative uncertainty of the picture's scale.
         own: (H, W) the object's own pixels, if they are known.
-        above: (N, 3) rays to where boxes of things end that may stand on it.
+        shows_boards: Whether things are seen on its boards, from their open side.
     """
 
     observation: Observation
@@ -463,7 +398,7 @@ class SearchContext:
     near: Neighbourhood
     scale_share: float = 0.0
     own: NDArray[np.bool_] | None = None
-    above: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    shows_boards: bool = False
 
 
 def spreads_m(likelihood: Likelihood, guess: PoseHypothesis) -> tuple[float, float]:
@@ -504,4 +439,4 @@ def spreads_m(likelihood: Likelihood, guess: PoseHypothesis) -> tuple[float, flo
     place, side = float(np.linalg.eigvalsh(covariance[:2, :2]).max()), float(np.diag(covariance)[3:].max())
     by_scale_m = likelihood.scale_share * math.hypot(guess.x_m, guess.y_m)
     far_m = math.hypot(math.sqrt(max(0.0, place)), by_scale_m)
-    return min(_MOST_M, far_m), min(_MOST_M, math.sqrt(max(0.0, side)))
+    return min(MOST_M, far_m), min(MOST_M, math.sqrt(max(0.0, side)))

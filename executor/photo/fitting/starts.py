@@ -1,8 +1,6 @@
 """Start hypotheses of a search, and the few that are refined.
 
-With depth, starts are boxes around the object's points, oriented like their outline and like the walls. Without depth
-they are boxes whose foot is where the detection ends: of usual size, or as large as the detection if its name tells no
-size.
+Starts are boxes around the object's points, oriented like their outline and like the walls.
 """
 
 from __future__ import annotations
@@ -25,8 +23,8 @@ from executor.photo.fitting.hypothesis import PoseHypothesis, Size, has_ear, is_
 from executor.photo.fitting.likelihood import (
     CARRIED,
     Likelihood,
+    Neighbourhood,
     RatedHypothesis,
-    SearchContext,
     best_of_models,
     by_cost,
     is_large,
@@ -47,8 +45,6 @@ from executor.photo.inputs.usual import (
     is_hollow,
     is_inset,
     is_mostly_open,
-    usual_height_m,
-    usual_thickness_m,
 )
 from oag.model.symbols import Kind, is_known, kind_of
 
@@ -60,17 +56,10 @@ LEAST_POINTS = 12
 """Of a thing: fewer have neither size nor turn."""
 
 _GAP_M = 0.05
-_HEADINGS = 8
 _UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
-_CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
-_NEARER = (0.5, 0.7, 0.85, 1.0, 1.1)  # Shares of how far off a box ends on the floor: something may hide the foot.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scaled.
-_SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box gives the size.
-_LOW = 0.6  # Share of the usual height of a low model.
-_LOWEST, _FLATTEST_M = 0.15, 0.01  # Share of its width, and height, of a thing of which hardly a side is seen.
-_LYING = (0.3, 0.7, 1.4)  # Lengths of what lies flat, as shares of its width.
 _TALLER, _FOLDED_M = 1.3, 0.33  # Times as high as what lies there; usual width of what the picture's border cuts.
 _ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
@@ -226,76 +215,6 @@ def _is_turned(entry: ModelEntry) -> bool:
     return kind_of(entry.category, entry.width.low) is Kind.ITEM and body is not None and body.symmetric
 
 
-def outline_starts(
-    observation: Observation,
-    box_px: tuple[float, float, float, float],
-    entries: Sequence[ModelEntry],
-    bottom_m: float,
-    headings_rad: Sequence[float] = (),
-) -> Iterator[PoseHypothesis]:
-    """Yield hypotheses with the foot at the box's lower end, or nearer if something may hide the foot.
-
-    Args:
-        observation: The picture.
-        box_px: The detection's box.
-        entries: The models.
-        bottom_m: Height of the support.
-        headings_rad: Usual headings of furniture; without them all are tried.
-    """
-    foot = foot_of(observation, box_px, bottom_m)
-    if foot is None:
-        return
-    away = math.atan2(foot[1], foot[0])
-    turns = [heading + math.pi / 2 * step for heading in headings_rad for step in range(4)]
-    turns = turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]
-    asides = [0.0]
-    asides += [share for share in _ASIDE if box_px[0] < _CUT * observation.size_px[0]]
-    asides += [-share for share in _ASIDE if box_px[2] > (1.0 - _CUT) * observation.size_px[0]]
-    for entry in entries:
-        for share in _NEARER if is_large(entry) else (1.0,):
-            reach_m = share * float(np.linalg.norm(foot))
-            for size in _sizes_m(observation, box_px, entry, bottom_m, reach_m):
-                half_m = (size[0] + size[1]) / 4
-                along = reach_m + half_m
-                for aside, turned in itertools.product(asides, turns):
-                    x = along * math.cos(away) - 2 * half_m * aside * math.sin(away)
-                    y = along * math.sin(away) + 2 * half_m * aside * math.cos(away)
-                    yield PoseHypothesis(entry, x, y, turned, bottom_m, size)
-
-
-def _sizes_m(
-    observation: Observation,
-    box_px: tuple[float, float, float, float],
-    entry: ModelEntry,
-    bottom_m: float,
-    reach_m: float,
-) -> Iterator[Size]:
-    """Yield start sizes of a model whose foot is so far away: usual ones, or those of the box."""
-    if entry.model in GENERIC:
-        x0, y0, x1, _ = box_px
-        middle = observation.rays[int(y0), min(int((x0 + x1) / 2), observation.size_px[0] - 1)]
-        depth_m = reach_m / max(float(np.linalg.norm(middle[:2])), 1e-6)
-        wide_m = (x1 - x0) / observation.K.fx * depth_m
-        high_m = float(observation.eye_m[2] + depth_m * middle[2]) - bottom_m
-        thick_m = usual_thickness_m(entry.category)
-        if thick_m is not None:
-            yield min(thick_m, wide_m), wide_m, max(high_m, _LOWEST * wide_m)
-            return
-        low_m = usual_height_m(entry.category)
-        if low_m is not None:
-            yield from ((share * wide_m, wide_m, low_m) for share in _LYING)
-            return
-        yield wide_m, wide_m, max(high_m, _LOWEST * wide_m)
-        yield wide_m / 2, wide_m, max(high_m / 2, _FLATTEST_M)
-        return
-    length, width, height = usual_size_m(entry)
-    for share in _SCALED:
-        yield share * length, share * width, share * height
-    if is_large(entry) and entry.height.low < _LOW * height:
-        # Shelves are as high as a knee or as a man, and as wide either way.
-        yield length, width, entry.height.low
-
-
 def foot_of(observation: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:
     """Return (2,) the point of a level plane at the middle of a box's lower edge; None above the horizon."""
     x0, _, x1, y1 = box_px
@@ -378,25 +297,14 @@ _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 
 
 def starts_of(
-    around: SearchContext,
-    box_px: tuple[float, float, float, float],
-    entries: Sequence[ModelEntry],
-    bottoms_m: Sequence[float],
-    points: Array,
+    near: Neighbourhood, entries: Sequence[ModelEntry], bottoms_m: Sequence[float], points: Array
 ) -> list[PoseHypothesis]:
-    """Return the start hypotheses of a detection: around its points (N, 3), or by its box where there are none."""
-    near = around.near
-    begun: list[PoseHypothesis] = []
-    for bottom in bottoms_m:
-        begun += starts(points, entries, bottom, near.walls)
-        if not len(points):
-            begun += outline_starts(around.observation, box_px, entries, bottom, near.headings_rad)
-    return begun
+    """Return the start hypotheses of a detection around its points (N, 3)."""
+    return [guess for bottom in bottoms_m for guess in starts(points, entries, bottom, near.walls)]
 
 
 def likely_boxes(
-    around: SearchContext,
-    box_px: tuple[float, float, float, float],
+    near: Neighbourhood,
     entries: Sequence[ModelEntry],
     bottoms_m: Sequence[float],
     points: Array,
@@ -406,34 +314,30 @@ def likely_boxes(
     """Search for an object and return the end points, cheapest first; sides found once count for all models.
 
     Args:
-        around: The context.
-        box_px: The detection's box.
+        near: The walls and the other furniture.
         entries: Candidate models.
         bottoms_m: Heights that it may stand on.
-        points: (N, 3) its own points; none if its box is better evidence, or without depth.
+        points: (N, 3) its own points.
         coarse, search: Likelihoods for choosing starts and for searching.
     """
-    near = around.near
-    begun = starts_of(around, box_px, entries, bottoms_m, points)
-    # With hardly any residual pixels, colours are better evidence than depth.
-    by_look = not len(points)
-    followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
-    boxes = by_cost(_searched(search, followed, colours=by_look))
+    begun = starts_of(near, entries, bottoms_m, points)
+    followed = _worth_following([coarse.rated(guess, colours=False) for guess in begun])
+    boxes = by_cost(_searched(search, followed))
     named = {entry.category for entry in entries}
-    if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
+    if boxes and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
         out = search.evidence.own_points_m
         ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
         openings = cheapest_openings(coarse.rated(guess, colours=False) for guess in ajar)
-        boxes = by_cost([*boxes, *_searched(search, openings, colours=False)])
+        boxes = by_cost([*boxes, *_searched(search, openings)])
     return boxes
 
 
-def _searched(search: Likelihood, begun: Iterable[RatedHypothesis], *, colours: bool) -> Iterable[RatedHypothesis]:
+def _searched(search: Likelihood, begun: Iterable[RatedHypothesis]) -> Iterable[RatedHypothesis]:
     """Yield the end points of searches from some starts."""
     for one in begun:
-        guess = refine_nelder_mead(search, fit_handles(search, one.guess), _SEARCH, colours=colours)
-        yield search.rated(guess, colours=colours)
+        guess = refine_nelder_mead(search, fit_handles(search, one.guess), _SEARCH, colours=False)
+        yield search.rated(guess, colours=False)
 
 
 def _explains(search: Likelihood, boxes: Sequence[RatedHypothesis]) -> bool:

@@ -59,7 +59,7 @@ _SIZE_SPREAD, _SIZE_MOST, _WITHIN = 0.35, 3.0, 0.9
 
 def supports_of(view: Observation, things: Sequence[Detection]) -> list[int]:
     """Return what carries each thing: the index of another one, FLOOR or WALL. Nothing carries itself."""
-    found = [_support_of(view, things, index) for index in range(len(things))]
+    found = [support_of(view, things, index) for index in range(len(things))]
     for index in range(len(things)):
         # Two things that seem to be on each other: the larger one is below.
         seen = {index}
@@ -120,7 +120,7 @@ def face_rows(view: Observation, things: Sequence[Detection], index: int) -> tup
     return y0, max(y0, y1 - (1.0 - _TOLERANT) * front_px) if math.isfinite(front_px) else y1
 
 
-def _support_of(view: Observation, things: Sequence[Detection], index: int) -> int:
+def support_of(view: Observation, things: Sequence[Detection], index: int) -> int:
     """Return the cheapest support of a thing: each costs by place, by size there, and by names."""
     thing = things[index]
     if thing.on is not None:

@@ -5,21 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from executor.assets.library import LIBRARY
-from executor.assets.parameters import ModelEntry
 from executor.photo.errors import LostCause
-from executor.photo.fitting.fit import described
-from executor.photo.fitting.hypothesis import as_built, raycaster_of
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import named_models
-from executor.photo.geometry.observation import Observation
-from executor.photo.inputs.annotations import FLOOR, WALL, Detection
+from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import hung_models
 from executor.photo.room.hanging import hung
-from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, with_region
+from executor.photo.room.outlined import entry_of, fit_of
 
 
 def fit_without_depth(
@@ -41,7 +35,7 @@ def fit_without_depth(
             if on[index] == FLOOR and index not in kept:
                 room.lost[index] = LostCause.STANDS
     on = [FLOOR if below in room.lost else below for below in on]
-    pieces = [Piece(thing, _entry(view, thing), on[index]) for index, thing in enumerate(things)]
+    pieces = [Piece(thing, entry_of(view, thing), on[index]) for index, thing in enumerate(things)]
     pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
     problem = Jointly(view, pieces)
     for index, fit in kept.items():
@@ -52,13 +46,11 @@ def fit_without_depth(
     on_progress(f"fitting {len(standing)} things at once")
     problem.solve(standing, 0 if rough else MOST_STEPS)
     for index in standing:
-        room.add_fit(index, _fit(room, problem, index))
+        room.add_fit(index, fit_of(room, index, problem, index))
     hanging = [index for index in range(len(things)) if on[index] == WALL and index not in kept]
     for index in hanging:
         on_progress(f"fitting: {things[index].label or 'thing'} on a wall")
-        hangs = RoomEstimate(view, room.walls, [*_with_wall(things, index)], room.scale_share)
-        hangs.fits = room.fits
-        on_wall = hung(hangs, index, room.around(index))
+        on_wall = hung(room, index, room.around(index), WALL)
         if on_wall is None:
             # Its box looks beside every wall.
             problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
@@ -69,31 +61,13 @@ def fit_without_depth(
     if rest:
         problem.solve(rest, 0 if rough else MOST_STEPS)
         for index in rest:
-            room.add_fit(index, _fit(room, problem, index))
+            room.add_fit(index, fit_of(room, index, problem, index))
     for index in range(len(things)):
         if index in room.fits and index not in kept:
             room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
-
-
-def _with_wall(things: Sequence[Detection], index: int) -> Sequence[Detection]:
-    return [replace(one, on=WALL) if number == index else one for number, one in enumerate(things)]
 
 
 def _root(on: Sequence[int], index: int) -> int:
     while on[index] >= 0:
         index = on[index]
     return index
-
-
-def _entry(view: Observation, thing: Detection) -> ModelEntry:
-    """Return the first model of what a thing is called, else the first generic shape."""
-    named = [entry for entry in named_models(thing) if entry.model in LIBRARY]
-    return (with_parts(named, thing.doors, thing.drawers) or shapes_of(view, thing))[0]
-
-
-def _fit(room: RoomEstimate, problem: Jointly, index: int) -> Fit:
-    thing = room.detections[index]
-    guess = problem.pose(index)
-    if raycaster_of(guess) is None:
-        guess = modelled(room.observation, thing, guess)
-    return described(room.around(index), thing.box_px, as_built(guess))

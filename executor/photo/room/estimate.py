@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,14 @@ from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
 from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext, usual_size_m
-from executor.photo.fitting.starts import LEAST_POINTS, foot_of, named_models, points_of, stands_on_floor
+from executor.photo.fitting.starts import LEAST_POINTS, named_models, points_of, stands_on_floor
 from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
 from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
 from executor.photo.inputs.usual import carries, hung_depth_m
 from llm.vision import overlap
-from oag.model.symbols import Kind, carries_things, has_boards, is_known, kind_of
+from oag.model.symbols import Kind, has_boards, is_known, kind_of
 
 SAME_M = 0.02
 """Between the height of a top and of an object on it, after the top has moved since."""
@@ -33,15 +33,8 @@ NEAR_TOP_M = 0.13
 
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _MOST = 3
-_MISJUDGED_M, _MISJUDGED_SHARE = 0.5, 0.5
-"""A top may end so far before the things on it, without depth; in the picture, of the shorter side of a thing's box."""
-
-_MOST_HALF_M = 0.15
-_UPPER = 0.5  # Of a piece of furniture's box: what ends there is on it.
-_BEYOND_BOX = 0.05  # Of the sides of a support's box: a thing on it ends within so much more than it.
 _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
-_FLAT = 0.35  # Share of its narrower side: what is lower is hardly in front of what stands on it.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 _LOOKED_AT_PX = 2000  # Of what is visible of a thing, to tell its colours.
 _LEAST_SHOWN = 0.2  # Of its box: a fit that shows less there is of something else.
@@ -115,61 +108,6 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     heights = [height for height in heights if height >= least_m]
     near = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
     return near[:_MOST] or [round(low, 4)]
-
-
-def heights_behind(
-    observation: Observation, detection: Detection, tops: Iterable[Top], given_support: PoseHypothesis | None
-) -> list[float]:
-    """Return heights of tops, boards and floor that are visible where a box ends, the nearest to the camera first.
-
-    A top that is there hides everything below it. One that is nearly as high as the camera is seen as a strip, so that
-    little of the picture is many metres there: what ends beside it counts by pixels too.
-
-    Args:
-        observation: The picture.
-        detection: The detection.
-        tops: All tops.
-        given_support: The support that the detection names, if any.
-    """
-    if detection.on == FLOOR:
-        return [0.0]
-    found, aside_px = [], {}
-    for top in tops:
-        foot = foot_of(observation, detection.box_px, top.height_m)
-        if foot is not None and (given_support is None or top.of is given_support):
-            far_m = float(np.hypot(*foot))
-            wide_m = (detection.box_px[2] - detection.box_px[0]) / observation.K.fx * far_m
-            # Of a thing as deep as wide: its middle stands on the top.
-            middle = foot * (1.0 + min(wide_m / 2, _MOST_HALF_M) / max(far_m, 1e-6))
-            found.append((top.distance_m(middle), far_m, round(top.height_m, 4)))
-            aside_px[round(top.height_m, 4)] = off_top_px(observation, detection.box_px, top)
-    if over := [(far_m, height_m) for distance_m, far_m, height_m in found if distance_m == 0.0]:
-        return [min(over)[1]]
-    # A misjudged one may end before the objects on it.
-    near = sorted((max(distance_m, _REACH_M), far_m, height_m) for distance_m, far_m, height_m in found)
-    on = [height_m for distance_m, _, height_m in near if distance_m <= _REACH_M]
-    beside = [
-        height_m for distance_m, _, height_m in near[:1] if distance_m < _MISJUDGED_M or given_support is not None
-    ]
-    seen = [height_m for height_m, off_px in aside_px.items() if off_px < _MISJUDGED_SHARE * _side_px(detection.box_px)]
-    return on[:_MOST] or beside or sorted(seen, key=lambda height_m: aside_px[height_m])[:1] or [0.0]
-
-
-def off_top_px(observation: Observation, box_px: tuple[float, float, float, float], top: Top) -> float:
-    """Return how far in the picture the middle of a box's lower edge is from a top, infinite behind the camera."""
-    foot = foot_of(observation, box_px, top.height_m)
-    low = np.array([(box_px[0] + box_px[2]) / 2, box_px[3]])
-    steps = np.linspace(-1.0, 1.0, 9)
-    local = np.array([[x, y] for x in steps for y in steps]) * top.half_m
-    points = np.column_stack([local @ top.T[:2, :2].T + top.T[:2, 3], np.full(len(local), top.height_m)])
-    if foot is not None and top.distance_m(foot) == 0.0:
-        return 0.0
-    off = np.linalg.norm(observation.pixels(points) - low, axis=1)
-    return float(np.nanmin(off)) if np.isfinite(off).any() else np.inf
-
-
-def _side_px(box_px: tuple[float, float, float, float]) -> float:
-    return min(box_px[2] - box_px[0], box_px[3] - box_px[1])
 
 
 RenderedDepth = tuple[Array, NDArray[np.int32]]
@@ -246,8 +184,6 @@ class RoomEstimate:
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
         self._layers = Layers(observation, walls)
-        # What the sensor does not see, such as glass, is fitted to its box alone.
-        self._by_box = replace(observation, z_m=np.zeros_like(observation.z_m))
 
     @property
     def walls(self) -> tuple[Wall, ...]:
@@ -306,60 +242,52 @@ class RoomEstimate:
         side_m = max(x1 - x0, y1 - y0) / self.observation.K.fx * float(np.median(own))
         return side_m > _LEAST_OF_USUAL * min(usual_m)
 
-    def around(self, index: int, hidden_by: Iterable[int] = (), *, by_box: bool = False) -> SearchContext:
+    def around(self, index: int, hidden_by: Iterable[int] = ()) -> SearchContext:
         """Return the context of a search for an object that was removed.
 
         Args:
             index: Which one.
             hidden_by: Detections that may be in front of it, if their boxes are smaller.
-            by_box: Whether its box is the only evidence, though depth was measured.
         """
         own = self.detections[index]
         smaller = (one for one in hidden_by if one != index and self.detections[one].area_px < own.area_px)
         foreign = self._in_boxes(smaller)
-        observation = self._by_box if by_box else self.observation
         return SearchContext(
-            observation,
+            self.observation,
             *self._layers.together(),
             foreign,
             self._near(),
             self.scale_share,
-            None if by_box else own.mask,
-            self._above(index),
+            own.mask,
+            self._shows_boards(index),
         )
 
-    def _above(self, index: int) -> Array:
-        """Return (N, 3) rays to where boxes end, without depth or on boards, of things that may stand on a piece.
+    def _shows_boards(self, index: int) -> bool:
+        """Return whether things end in the box of a piece with boards, which then shows its open side.
 
-        They end in its box, and are neither furniture nor usually on walls; nothing is usually put on a chair.
+        They are neither furniture nor usually on walls.
         """
         own = self.detections[index]
         category = own.category or plain_name(own.label) or ""
-        rays: list[Array] = []
-        is_support = carries(own.label) or (
-            self.is_on_floor(index) and carries_things(category, kind_of(category, 0.0))
-        )
-        if is_support and (has_boards(category) or not self.observation.has_depth):
-            width, height = self.observation.size_px
-            left, top, right, bottom = own.box_px
-            for other, thing in enumerate(self.detections):
-                (x0, _, x1, y1), is_given = thing.box_px, thing.on is not None and thing.on != index
-                ends_in_it = left < (x0 + x1) / 2 < right and top < y1 < bottom
-                small = thing.area_px < own.area_px and not self.is_on_floor(other)
-                if ends_in_it and small and not is_given and hung_depth_m(thing.label) is None:
-                    rays.append(self.observation.rays[min(int(y1), height - 1), min(int((x0 + x1) / 2), width - 1)])
-        return np.array(rays).reshape(-1, 3)
+        if not has_boards(category) or not (self.is_on_floor(index) or carries(own.label)):
+            return False
+        left, top, right, bottom = own.box_px
+        for other, thing in enumerate(self.detections):
+            (x0, _, x1, y1), is_given = thing.box_px, thing.on is not None and thing.on != index
+            ends_in_it = left < (x0 + x1) / 2 < right and top < y1 < bottom
+            small = thing.area_px < own.area_px and not self.is_on_floor(other)
+            if ends_in_it and small and not is_given and hung_depth_m(thing.label) is None:
+                return True
+        return False
 
     def points(self, detection: Detection, around: SearchContext) -> Array:
-        """Return (N, 3) that are most likely an object's own; none without depth."""
-        if not around.observation.has_depth:
-            return np.zeros((0, 3))
+        """Return (N, 3) that are most likely an object's own."""
         if detection.mask is not None:
             return np.asarray(self.observation.points_m[detection.mask & self.observation.measured])
         return points_of(self.observation, detection.box_px, around.other_m, around.smaller)
 
     def heights_m(self, detection: Detection, points: Array) -> list[float]:
-        """Return heights that an object may stand on: below its points, or below those of its box, or behind its end.
+        """Return heights that an object may stand on: below its points, or below those of its box; none without these.
 
         Args:
             detection: The detection.
@@ -384,47 +312,7 @@ class RoomEstimate:
             over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
             below = [round(top.height_m, 4) for top in over if low_m < top.height_m < middle[2]]
             return found if is_known or not below else [max(below)]
-        support = self.flat_beneath(detection) if support is None else support
-        if support is not None:
-            return heights_behind(self.observation, detection, tops, support.guess)
-        found = heights_behind(self.observation, detection, self.tops_seen_below(detection), None)
-        # The floor before a piece of furniture is in the lower half of its box.
-        upper = self.tops_seen_below(detection, _UPPER) if found == [0.0] else []
-        nearest = min(upper, key=lambda top: off_top_px(self.observation, detection.box_px, top), default=None)
-        return found if nearest is None else [round(nearest.height_m, 4)]
-
-    def tops_seen_below(self, detection: Detection, share: float = 1.0) -> list[Top]:
-        """Return the tops that a thing may stand on by its box: where it ends is in the box of what has the top.
-
-        Of others than furniture only those carry something on which things usually stand: what is before a thing is not
-        below it. On a chair something stands only where no other support is there.
-
-        Args:
-            detection: The thing.
-            share: Of a support's box, from its upper edge on, that counts.
-        """
-        x0, _, x1, y1 = detection.box_px
-        seen = []
-        for index, fit in self.fits.items():
-            left, top, right, bottom = self.detections[index].box_px
-            over_x, over_y = _BEYOND_BOX * (right - left), _BEYOND_BOX * (bottom - top)
-            ends_in_it = left - over_x < (x0 + x1) / 2 < right + over_x and top - over_y < y1
-            ends_in_it &= y1 < top + share * (bottom - top) + over_y
-            if ends_in_it and (is_furniture(self.detections[index]) or carries(self.detections[index].label)):
-                seen.append(fit.guess)
-        usual = [one for one in seen if is_item(one) or carries_things(one.entry.category, Kind.SUPPORT)]
-        return list(tops_of(usual or seen))
-
-    def flat_beneath(self, detection: Detection) -> Fit | None:
-        """Return the fit of the flat thing, such as a plate, in whose box another one ends; the smallest of several."""
-        x0, _, x1, y1 = detection.box_px
-        flat = {}
-        for index, fit in self.fits.items():
-            left, top, right, bottom = box = self.detections[index].box_px
-            is_in = left < (x0 + x1) / 2 < right and top < y1 < bottom
-            if is_in and is_item(fit.guess) and fit.guess.size_m[2] < _FLAT * min(fit.guess.size_m[:2]):
-                flat[(box[2] - box[0]) * (box[3] - box[1])] = fit
-        return flat[min(flat)] if flat else None
+        return []
 
     def _near(self) -> Neighbourhood:
         guesses = (fit.guess for fit in self.fits.values())

@@ -12,19 +12,19 @@ from executor.assets.parameters import ModelEntry
 from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import (
     assess_fit,
-    fit_hung,
     fit_thing,
     update_fit,
 )
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import generic_models, named_models, stands_on_floor
+from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
-from executor.photo.inputs.annotations import Detection, plain_name
+from executor.photo.inputs.annotations import WALL, Detection, plain_name
 from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.hanging import hung
+from executor.photo.room.outlined import fit_by_box
 from oag.model.symbols import has_boards, is_known
 
 LEAST_IN_BOX = 0.5
@@ -34,7 +34,6 @@ _FLAT, _LEAST_HOLLOW_M = 0.25, 0.03
 """Least height of an open box by its narrower side, and that side: else it is a magazine, a plate or a pen."""
 
 _AS_GOOD = 1.1  # Times the cost of a closed box: so little tells nothing of its top.
-_HUNG_M = 2.5  # Of what hangs in a room of which nothing else is known.
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
 
@@ -115,37 +114,26 @@ class RoomFitter:
     def _fits(
         self, index: int, bottoms_m: Sequence[float] | None, hidden_by: tuple[int, ...], *, rough: bool = False
     ) -> Iterator[Fit]:
-        """Yield fits of a detection by decreasing evidence: its models, generic shapes, a shape by its box alone."""
+        """Yield fits of a detection by decreasing evidence: its models, generic shapes, whatever fills its box."""
         room, detection = self.room, self.room.detections[index]
-        generic = generic_models(detection)
-        for entries, by_box in ((_models(detection), False), (generic, False), (generic[:1], True)):
-            if not entries:
-                continue
-            around = room.around(index, hidden_by, by_box=by_box)
-            points = room.points(detection, around)
+        around = room.around(index, hidden_by)
+        points = room.points(detection, around)
+        if len(points) >= LEAST_POINTS:
             heights_m = bottoms_m or room.heights_m(detection, points)
-            found = fit_thing(around, detection.box_px, entries, heights_m, points, rough=rough)
-            if found is not None:
-                yield found
+            for entries in filter(None, (_models(detection), generic_models(detection))):
+                found = fit_thing(around, detection.box_px, entries, heights_m, points, rough=rough)
+                if found is not None:
+                    yield found
+        by_box = fit_by_box(room, index, bottoms_m, rough=rough)
+        if by_box is not None:
+            yield by_box
 
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
-        """Return a fit of what no ray meets a support below: as far off as what its box is above in the picture.
-
-        What only stands on the floor is lost.
-        """
-        room, (x0, _, x1, y1) = self.room, self.room.detections[index].box_px
-        entries = hung_models(room.detections[index])
-        if not entries:
-            room.lost[index] = LostCause.STANDS
-            return None
-        under = []
-        for other, fit in room.fits.items():
-            left, top, right, bottom = room.detections[other].box_px
-            aside_px = max(0.0, left - x1, x0 - right)
-            under.append((aside_px, max(0.0, top - y1) if bottom > y1 else math.inf, fit.guess))
-        _, _, below = min(under, key=lambda one: one[:2], default=(0.0, 0.0, None))
-        far_m = _HUNG_M if below is None else math.hypot(below.x_m, below.y_m)
-        return fit_hung(around, room.detections[index].box_px, entries, far_m)
+        """Return a fit of what no ray meets a support below; what only stands on the floor is lost."""
+        found = hung(self.room, index, around, WALL) if hung_models(self.room.detections[index]) else None
+        if found is None:
+            self.room.lost[index] = LostCause.STANDS
+        return found
 
     def _is_view_unchanged(self, index: int, around: SearchContext) -> bool:
         """Return whether an object's box shows hardly anything else than at its last search; else remember the view."""

@@ -1,9 +1,9 @@
 """Things that hang on walls: told by what is around their boxes, or by their names, and put on the plane behind them.
 
 With depth, what hangs is near an upright plane that goes on around its box, and below it is that plane or something
-farther. Without, what hangs is on no top, and ends beyond everything that stands on the floor. Names that are usual on
-walls (`usual.toml`) decide where neither is sure, but for what is on a top or ends on the floor. Furniture hangs here
-only where a person says so.
+farther. Without, `beneath.py` tells what hangs. Names that are usual on walls (`usual.toml`) decide where neither is
+sure, but for what is on a top or ends on the floor. Furniture hangs here where a person says so, or where nothing is
+below it.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from executor.photo.fitting.fit import fit_on_wall
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models, named_models
+from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import WALL, Detection
 from executor.photo.inputs.usual import hung_depth_m
-from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, Top, is_furniture, is_item, tops_of
+from executor.photo.room.beneath import support_of
+from executor.photo.room.estimate import NEAR_TOP_M, RoomEstimate, is_furniture, is_item, tops_of
 from oag.model.symbols import has_boards
 
 Box = tuple[float, float, float, float]
@@ -47,31 +48,33 @@ _NEXT = 0.4  # Of what is looked at below a box: it shows the top that a thing i
 _OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
 _USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
 _FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
-_DEEP_SHARE, _DEEP_M = 0.5, 0.08  # Of its sides, and most, of what nothing says how far it stands out.
-_BEYOND_M = 1.0  # Behind all furniture, what seems to be on the floor is on the wall.
-_LEAST_TALL_M = 0.5  # What is usual on walls stands on the floor only if it is so tall there: a clock, not a socket.
+_DEEP_M = 0.08  # Of what nothing says how far it stands out.
 _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
 
 
-def hung(room: RoomEstimate, index: int, around: SearchContext) -> Fit | None:
+def hung(room: RoomEstimate, index: int, around: SearchContext, on: int | None = None) -> Fit | None:
     """Return the fit of a thing on a wall; None for what stands on something.
 
-    Furniture by its name hangs only where a person says so, and is not fixed: it opens and carries things.
+    Furniture by its name hangs only where that is known, and is not fixed: it opens and carries things.
 
     Args:
         room: The estimate, which lacks the thing.
         index: Which detection.
         around: The context of its search.
+        on: What it is on, as far as that is known; by default what a person says.
     """
     detection = room.detections[index]
+    on = detection.on if on is None else on
     usual_m = hung_depth_m(detection.label)
     as_furniture = usual_m is None and is_furniture(detection)
-    if detection.on not in (None, WALL) or (as_furniture and detection.on is None):
+    if on not in (None, WALL) or (as_furniture and on is None):
         return None
-    if detection.on == WALL and usual_m is None:
+    if on == WALL and usual_m is None:
         usual_m = _FURNITURE_DEEP_M if as_furniture else _DEEP_M
-    find = _by_depth if room.observation.has_depth else _by_box
-    found = find(room, index, around, usual_m)
+    if room.observation.has_depth:
+        found = _by_depth(room, index, around, usual_m, is_known=on == WALL)
+    else:
+        found = None if usual_m is None else _by_box(room, index, around, usual_m)
     if found is None or not as_furniture:
         return found
     guess = replace(found.guess, fixed=False)
@@ -103,14 +106,18 @@ def wall_behind(view: Observation, box_px: Box, walls: Sequence[Wall]) -> Wall |
     return _plane(points, within_m, walls)
 
 
-def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
+def _by_depth(
+    room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None, *, is_known: bool
+) -> Fit | None:
     view, detection = room.observation, room.detections[index]
     x0, y0, x1, y1 = detection.box_px
     over_x, over_y = _INNER * (x1 - x0), _INNER * (y1 - y0)
     inner = _within(view, (x0 + over_x, y0 + over_y, x1 - over_x, y1 - over_y))
     own = (inner if detection.mask is None else detection.mask) & view.measured
     if int(own.sum()) < LEAST_POINTS:
-        return None if usual_m is None else _by_box(room, index, around, usual_m)
+        if usual_m is None or not (is_known or support_of(view, room.detections, index) == WALL):
+            return None
+        return _by_box(room, index, around, usual_m)
     points = view.points_m[own]
     low_m = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
@@ -122,18 +129,18 @@ def _by_depth(room: RoomEstimate, index: int, around: SearchContext, usual_m: fl
     else:
         on_top = any(abs(top.height_m - low_m) < _ON_TOP_M and top.distance_m(at) == 0.0 for top in tops)
     wall = wall_behind(view, detection.box_px, room.walls)
-    if detection.on == WALL and wall is None:
-        return _by_box(room, index, around, usual_m)
-    if ((low_m < _STANDS_M or on_top) and detection.on != WALL) or wall is None:
+    if wall is None:
+        return _by_box(room, index, around, usual_m) if is_known and usual_m is not None else None
+    if (low_m < _STANDS_M or on_top) and not is_known:
         return None
     out_m, slack_m = _out_m(points, wall), _SIGMAS * float(np.median(view.depth_distortion_m[own]))
     # Glass and screens mirror: what seems to be behind its wall is on it.
     mirrors = float(np.median(out_m)) < -_WITHIN_M - slack_m
-    if float(np.median(out_m)) > _NEAR_M and detection.on != WALL:
+    if float(np.median(out_m)) > _NEAR_M and not is_known:
         return None
     below = _below(view, detection.box_px, wall, points)
     stands = below == "top" or (below == "open" and usual_m is None) or (mirrors and below != "wall")
-    if stands and detection.on != WALL:
+    if stands and not is_known:
         return None
     deep_m = _DEEP_M if mirrors else float(np.percentile(out_m, _OUT_PERCENTILE))
     if usual_m is not None:
@@ -178,13 +185,9 @@ def _below(view: Observation, box_px: Box, wall: Wall, own_m: Array) -> Literal[
     return "top" if float(carries[rows <= rows.min() + _NEXT * deep_px].mean()) > _SHARE else "open"
 
 
-def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float | None) -> Fit | None:
+def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: float) -> Fit | None:
     view, detection = room.observation, room.detections[index]
     box_px = detection.box_px
-    tops = room.tops_seen_below(detection)
-    # What ends in the box of something that has a top is on that rather than on a wall behind it.
-    if tops and detection.on != WALL and (usual_m is None or any(_is_over(view, top, box_px) for top in tops)):
-        return None
     ray = view.rays[
         min(int((box_px[1] + box_px[3]) / 2), view.size_px[1] - 1),
         min(int((box_px[0] + box_px[2]) / 2), view.size_px[0] - 1),
@@ -193,37 +196,20 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
     standing = {
         key: fit.guess for key, fit in room.fits.items() if not is_item(fit.guess) and fit.guess.bottom_m == 0.0
     }
-    foot = foot_of(view, box_px, 0.0)
-    if usual_m is None:
-        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=math.inf)
-        if foot is not None and float(foot @ toward) < ends_m + _BEYOND_M:
-            return None
-        if foot is None and not standing:
-            return None
-    elif foot is not None and detection.on != WALL:
-        ends_m = max((_end_m(guess, toward) for guess in standing.values()), default=_AT_NOTHING_M)
-        tall_m = (box_px[3] - box_px[1]) / view.K.fy * float(np.linalg.norm(foot))
-        if float(foot @ toward) < ends_m + _BEYOND_M and tall_m > _LEAST_TALL_M:
-            return None
     far_m = _wall_m(room.detections, standing, box_px, toward)
-    yaw_rad = min(
-        (heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)),
-        key=lambda turn: abs(math.remainder(turn - math.atan2(toward[1], toward[0]), 2 * math.pi)),
-        default=math.atan2(toward[1], toward[0]),
-    )
-    normal = -np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
-    wall = Wall(normal, far_m * float(toward @ normal), (0.0, 0.0), 0.0, math.inf)
-    wide_m, high_m = (side / view.K.fx * far_m for side in (box_px[2] - box_px[0], box_px[3] - box_px[1]))
-    deep_m = min(_DEEP_SHARE * min(wide_m, high_m), _DEEP_M) if usual_m is None else usual_m
+    away = math.atan2(toward[1], toward[0])
+    turns = [heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)]
+    along_lines = min(turns, key=lambda turn: abs(math.remainder(turn - away, 2 * math.pi)), default=away)
     entry = generic_models(room.detections[index])[0]
     assumption = "it hangs, and how far off shows nothing: behind what is below it in the picture"
-    return fit_on_wall(around, box_px, entry, wall, max(deep_m, _LEAST_DEEP_M), assumption)
-
-
-def _is_over(view: Observation, top: Top, box_px: Box) -> bool:
-    """Return whether a box ends over a top."""
-    foot = foot_of(view, box_px, top.height_m)
-    return foot is not None and top.distance_m(foot) == 0.0
+    # A wide box may look beside a wall along the room's lines, and never beside one that faces the camera.
+    for yaw_rad in (along_lines, away):
+        normal = -np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+        wall = Wall(normal, far_m * float(toward @ normal), (0.0, 0.0), 0.0, math.inf)
+        found = fit_on_wall(around, box_px, entry, wall, max(usual_m, _LEAST_DEEP_M), assumption)
+        if found is not None:
+            return found
+    return None
 
 
 def _wall_m(

@@ -66,6 +66,7 @@ _FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them 
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _ROUND_SIDES = 8
+_SLOPE, _LOOSEST = 1e-4, 1e-6  # Step of differences; of the sharpest direction: looser ones are unknown.
 
 
 @dataclass(frozen=True)
@@ -298,11 +299,25 @@ class Jointly:
         self.base_m[index], self.placed[index] = guess.bottom_m, True
         self._model(index, guess.entry)
 
-    def off(self, index: int) -> float:
-        """Return how badly a piece fills its box: the mean deviation of its outline's sides, in shares of the box."""
-        bounds = self._bounds(self.X, [index])[0]
-        sides = np.tile(self._box[index, 2:] - self._box[index, :2], 2)
-        return float(np.abs((bounds - self._box[index]) / sides).mean())
+    def spread_m(self, index: int) -> tuple[float, float]:
+        """Return the standard deviations of a piece's place, in its worst direction, and of its worst side.
+
+        They follow from the slopes of its residuals, with all other pieces where they are (Laplace's approximation).
+        """
+        slopes = []
+        for by in _SLOPE * np.eye(self.X.shape[1]):
+            ends = []
+            for sign in (-1.0, 1.0):
+                X = self.X.copy()
+                X[index] += sign * by
+                ends.append(self._residuals(X, [index]))
+            slopes.append((ends[1] - ends[0]) / (2 * _SLOPE))
+        values, axes = np.linalg.eigh(np.array(slopes) @ np.array(slopes).T)
+        variances = 1.0 / np.maximum(values, max(_LOOSEST * float(values.max()), 1e-9))
+        covariance = (axes * variances) @ axes.T
+        place = float(np.linalg.eigvalsh(covariance[:2, :2]).max())
+        sides_m = np.sqrt(np.maximum(np.diag(covariance)[3:], 0.0)) * self.pose(index).size_m
+        return math.sqrt(max(0.0, place)), float(sides_m.max())
 
     def _bottoms(self, X: Array) -> Array:
         bottoms = self.base_m.copy()

@@ -256,7 +256,7 @@ def test_a_room_is_reconstructed_from_what_a_model_sees(
         point_to(server, monkeypatch)
         assert run([*command, str(tmp_path / "live"), "--model", MODEL]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["things"]["bowl_0"]["given"] == {"doors": None, "drawers": None, "on": "table_0"}
+    assert told["things"]["bowl_0"]["given"] == {"doors": None, "drawers": None, "on": "table_0", "size_m": None}
     assert told["things"]["table_0"]["model"] == "table_four_legs" and told["left_out"] == []
     scene = json.loads((tmp_path / "live" / "scene.json").read_text())
     assert "(ontop bowl_0 table_0)" in scene["facts"]

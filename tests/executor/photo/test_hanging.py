@@ -12,8 +12,8 @@ import pytest
 import llm
 from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY
+from executor.photo.errors import LostCause
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
-from executor.photo.fitting.likelihood import carried_cost
 from executor.photo.fitting.starts import generic_models, stands_on_floor
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, Detection, is_left_out
@@ -22,7 +22,7 @@ from executor.photo.inputs.usual import carries, hung_depth_m, is_hollow, usual_
 from executor.photo.output import stands_on
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.pipeline import PhotoResult
-from executor.photo.room.estimate import RoomEstimate, tops_of
+from executor.photo.room.estimate import tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
 from executor.photo.yielding import YIELDS, yielding
@@ -136,54 +136,6 @@ def test_a_sink_is_in_a_top_and_not_on_the_floor() -> None:
     assert stands_on_floor(Detection("desk", "desk", (0.0, 0.0, 9.0, 9.0), 1.0, "me"))
 
 
-def test_without_depth_a_mug_behind_a_keyboard_is_not_on_it() -> None:
-    keyboard = PoseHypothesis(replace(BOX, category="keyboard"), 2.0, 0.1, 0.3, 0.7, (0.15, 0.45, 0.03))
-    mug = PoseHypothesis(LIBRARY["cup"], 2.12, 0.1, 0.0, 0.7, (0.08, 0.08, 0.1))
-    seen, (table, board, cup) = seen_from_above(TABLE, keyboard, mug)
-    room = RoomEstimate(flat(seen), (), [table, board, cup], 0.02)
-    for index, fit in enumerate(reconstruct(flat(seen), [table, board], ()).things):
-        room.add_fit(index, fit.fit)
-    tops = room.tops_seen_below(cup)
-    assert [top.of.entry.category for top in tops] == ["table"]
-    tray = replace(board, label="tray", category="tray")
-    room = RoomEstimate(flat(seen), (), [table, tray, cup], 0.02)
-    for index, fit in enumerate(reconstruct(flat(seen), [table, board], ()).things):
-        room.add_fit(index, fit.fit)
-    assert len(room.tops_seen_below(cup)) == 2
-
-
-def test_a_top_that_ends_before_what_stands_on_it_costs_and_no_more_than_so_much() -> None:
-    eye = np.array([0.0, 0.0, 1.5])
-    over, beside, beyond = (np.array([[x, 0.1, 0.7 - 1.5]]) for x in (2.2, 2.85, 9.0))
-    assert carried_cost(TABLE, eye, over) == 0.0
-    assert 0.0 < carried_cost(TABLE, eye, beside) <= carried_cost(TABLE, eye, beyond) == pytest.approx(6.0)
-    assert carried_cost(TABLE, eye, np.concatenate([over, beyond])) == pytest.approx(6.0)
-    chairless = replace(TABLE, entry=GENERIC["generic_box"])
-    assert carried_cost(chairless, eye, np.zeros((0, 3))) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("model", "turned", "least", "most"),
-    [
-        ("armchair_upholstered", 0.0, 0.0, 0.0),
-        ("armchair_upholstered", 0.5, 0.0, 0.0),
-        ("armchair_upholstered", 1.6, 6.0, 6.0),
-        ("armchair_upholstered", 3.1, 6.0, 6.0),
-        ("shelf_open", 0.0, 0.0, 6.0),
-        ("shelf_open", 3.1, np.inf, np.inf),
-    ],
-)
-def test_what_is_seen_on_a_seat_or_in_a_shelf_is_before_its_back(
-    model: str, turned: float, least: float, most: float
-) -> None:
-    entry = next(one for name, one in LIBRARY.items() if name == model)
-    eye, size = np.array([0.0, 0.0, 1.4]), (0.8, 0.8, 0.8)
-    over = np.array([[1.0, 0.0, -0.6]])
-    found = carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over)
-    assert least <= found <= most
-    assert carried_cost(PoseHypothesis(entry, 1.6, 0.0, turned, 0.0, size), eye, over[:0]) == 0.0
-
-
 def test_what_is_over_a_board_is_on_it_and_what_is_wider_is_on_the_table() -> None:
     board = PoseHypothesis(replace(BOX, category="board"), 2.0, 0.0, 0.0, 0.7, (0.4, 0.4, 0.012))
     can = PoseHypothesis(LIBRARY["can"], 2.05, 0.05, 0.0, 0.7, (0.07, 0.07, 0.1))
@@ -259,6 +211,15 @@ def test_without_depth_what_ends_on_the_floor_does_not_hang_by_its_name(
     seen, (table, box) = seen_from_above(TABLE, tall)
     things = reconstruct(flat(seen), [table, named(label, box)], ()).things
     assert not things[1].fit.guess.fixed
+
+
+@pytest.mark.parametrize(("label", "hangs"), [("picture", True), ("gadget", True), ("table", False)])
+def test_what_the_sensor_does_not_see_hangs_where_nothing_is_below_it(label: str, hangs: bool) -> None:
+    seen, (_, box) = seen_from_above(WALL, replace(PANEL, bottom_m=1.3))
+    holes = replace(seen, z_m=np.where(box.pixels(seen.size_px), 0.0, seen.z_m))
+    room = reconstruct(holes, [named(label, box)], ())
+    assert [thing.fit.hangs for thing in room.things] == [True] * hangs
+    assert [one.cause for one in room.unfitted] == [LostCause.STANDS] * (not hangs)
 
 
 def test_without_depth_a_socket_near_the_floor_hangs() -> None:

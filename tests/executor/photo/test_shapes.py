@@ -137,6 +137,18 @@ def test_what_the_sensor_does_not_see_is_fitted_to_its_box() -> None:
     assert room.things[1].id == "vase_0" and room.things[1].fit.in_box > 0.7
 
 
+@pytest.mark.parametrize(("bottom_m", "x_m"), [(0.7, 2.05), (0.0, 1.55)])
+def test_what_the_sensor_does_not_see_stands_on_what_its_box_ends_in(bottom_m: float, x_m: float) -> None:
+    box_m = replace(shape("generic_box", (0.14, 0.10, 0.12)), x_m=x_m, bottom_m=bottom_m)
+    seen, (table, box) = seen_from_above(TABLE, box_m)
+    x0, y0, x1, y1 = map(round, box.box_px)
+    holes = seen.z_m.copy()
+    holes[y0 - 9 : y1 + 9, x0 - 9 : x1 + 9] = 0.0
+    found = reconstruct(replace(seen, z_m=holes), [table, replace(box, label="vase", category="vase")], ()).things[1]
+    assert found.fit.guess.bottom_m == pytest.approx(bottom_m, abs=0.02) and found.fit.in_box > 0.7
+    assert math.dist((found.fit.guess.x_m, found.fit.guess.y_m), (x_m, box_m.y_m)) < 0.08
+
+
 def above_every_horizon(label: str, box_px: tuple[float, float, float, float]) -> FittedRoom:
     """Return the room of one box in a picture without depth."""
     seen, _ = seen_from_above(TABLE)
