@@ -358,13 +358,7 @@ class Grounding:
         return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
-        front = phrase.front
-
-        def has_it(key: str) -> bool:
-            fronts = self.around.affordances[key].fronts
-            return not fronts or front is None or front in fronts
-
-        whole = self.one(owner, fits=has_it)
+        whole = self.one(owner, fits=lambda key: self.names.may_have(key, phrase))
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
             return Named((whole.object_id,), words, notes=whole.notes)

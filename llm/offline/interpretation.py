@@ -579,6 +579,9 @@ class _IntentBuilder(Placing):
 
     def _brought(self, command: Command) -> tuple[Intent, ...]:
         ids = self._things(command, self._source(command))
+        if command.kind == "liked":
+            said = enumeration(str(phrase.location) for phrase in command.objects if phrase.location is not None)
+            self.notes.append(f'"{said}" is taken to say which one is meant, and not where it shall be')
         intents, note = arranging.brought(ids, self.grounding)
         self.notes.append(note)
         return intents
@@ -595,5 +598,6 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
     "nest": _IntentBuilder._nested,
     "unstack": _IntentBuilder._unstacked,
     "bring": _IntentBuilder._brought,
+    "liked": _IntentBuilder._brought,
     "tidy": _IntentBuilder._tidied,
 }
