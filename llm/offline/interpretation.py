@@ -223,6 +223,10 @@ class _IntentBuilder(Placing):
         usual = {key: self._usual_place(key) for key in ids}
         if command.kind == "away" and all(usual.values()):
             return Mention(self._put_away(usual))
+        there = command.objects[0].location
+        if command.kind == "away" and command.objects[0].everything and there is not None:
+            # "Put away everything on the table" clears it.
+            return Mention(self._anywhere(ids, self.grounding.one(there.phrase)), as_one=True)
         if command.kind == "nowhere" and self._set_down(command, ids):
             return self._put_at_reached(ids)
         for key in ids:
