@@ -95,7 +95,7 @@ class Housekeeping:
             unfit = entry is not None and (entry.ground or entry.waste)
             if thing.role == "A" and place != here and around.affordances[place].surface and not unfit:
                 soft = entry is not None and (entry.seat or entry.soft)
-                tops += [(soft, gap_m(place, here, around.scene), intent)] if is_possible(intent, around) else []
+                tops += [(soft, gap_m(place, key, around.scene), intent)] if is_possible(intent, around) else []
         return min(tops, key=lambda top: top[:2])[2] if tops else None
 
     def _usual_place(self, key: str, avoided: str = "") -> Intent | None:
@@ -128,12 +128,19 @@ class Housekeeping:
         items = [key for key, thing in around.scene.objects.items() if thing.role == "B"]
         loose = [key for key in items if not any(step.object_id in items for step in around.supports(key))]
         usual = {key: self._usual_place(key) for key in loose if not self._is_kept(key)}
+        lying = [key for key, intent in usual.items() if intent is None and self._is_on_the_ground(key)]
+        usual |= {key: self._onto_nearest(key, around.supports(key)[0].object_id) for key in lying}
         unplaced = [key for key, intent in usual.items() if intent is None]
         if len(unplaced) == len(usual):
             problem = f"no usual place is known for {enumeration(unplaced)}" if unplaced else "everything is tidy"
             raise Refusal("missing-place" if unplaced else "already-so", problem)
         self.notes += [f"no usual place of {key} is known; it stays where it is" for key in unplaced]
-        return self._put_away(usual)
+        return self._put_away(usual, lying)
+
+    def _is_on_the_ground(self, key: str) -> bool:
+        names, objects = self.grounding.names, self.grounding.around.scene.objects
+        hosts = (names.entries[objects[host.object_id].category] for host in self._hosts(key))
+        return any(entry is not None and entry.ground for entry in hosts)
 
     def _is_kept(self, key: str) -> bool:
         """Decide whether an object is at one of its usual places."""

@@ -34,8 +34,8 @@ class Category:
     """One category: all its names, those of its top such as "countertop", and what can be done with it.
 
     `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
-    `seat`: "in" it is on it. `soft`: like onto a seat, things are put away there last. `fitted`: "under" it is in what of
-    this category stands there.
+    `seat`: "in" it is on it. `soft`: like onto a seat, things are put away there last. `fitted`: "under" it is in what
+    of this category stands there.
     """
 
     names: tuple[str, ...]

@@ -346,3 +346,8 @@ def singulars(word: str) -> tuple[str, ...]:
     """Return the possible singulars of a plural; empty for a word that is none."""
     endings = (("lves", "lf"), ("ives", "ife"), ("oaves", "oaf"), ("ies", "y"), ("es", ""), ("s", ""))
     return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
+
+
+def is_again(name: str, earlier: str) -> bool:
+    """Decide whether a name can repeat an earlier one: no word of it is new, as in "the white mug" and "the mug"."""
+    return {*name.split()} <= {*earlier.split(), "same"}

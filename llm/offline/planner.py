@@ -145,7 +145,13 @@ def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Ref
     verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
-    if verb is not None and refusal.code in ("unknown-action", "not-understood"):
+    if tokens[0].text in names.lexicon.stands and refusal.code == "missing-place":
+        # "Stand the bat up"; with a place it is put there.
+        refusal.code = "unknown-action"
+        refusal.problem = (
+            f'without a place "{tokens[0].text}" is no action of the library: nothing here turns a thing over'
+        )
+    elif verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
 
@@ -191,7 +197,9 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
     sources = {step.object_id for key in taken for step in grounding.around.supports(key)}
     undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found, sources)]
     if undecided and not found and all(_names_one(refusal, liked) for refusal in undecided):
-        return next(iter(liked.items()))
+        request, notes = next(iter(liked.items()))
+        note = f"where {request.intents[0].target} is tells which one is meant, and not where it shall be"
+        return request, (*notes, note)
     if found and not undecided:
         if len(found) == 1:
             return next(iter(found.items()))
