@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from llm.offline.grounding import Grounding
-from llm.offline.intents import Intent, IntentKind, Refusal, Surroundings, enumeration
+from llm.offline.intents import Intent, IntentKind, Refusal, Support, Surroundings, enumeration
 from llm.offline.viewpoint import start_gap_m
 
 
@@ -80,7 +80,7 @@ def brought(ids: Sequence[str], grounding: Grounding) -> tuple[tuple[Intent, ...
         raise Refusal("missing-place", "nothing can be handed over, and no surface is near the robot's start")
     nearest = min(tops, key=lambda key: start_gap_m(key, around.scene))
     there = f"{nearest}, the nearest surface to the robot's start"
-    if all(any(step.object_id == nearest for step in around.supports(key)) for key in ids):
+    if all(Support("ontop", nearest) in around.supports(key) for key in ids):
         if len(ids) == 1:
             return (Intent(IntentKind.PICK, ids[0]),), f"{ids[0]} stands already on {there}; it is picked up and held"
         raise Refusal("already-so", f"nothing can be handed over, and {enumeration(ids)} stand already on {there}")

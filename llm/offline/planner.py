@@ -194,6 +194,8 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
             (liked if any(command.kind == "liked" for command in reading) else found).setdefault(request, notes)
             if any(command.kind == "pick" for command in reading):
                 taken.update(intent.target for intent in request.intents)
+    # Nothing is put closest to a thing: what is liked there can only be named.
+    found = found if found or refusals else liked
     sources = {step.object_id for key in taken for step in grounding.around.supports(key)}
     undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found, sources)]
     if undecided and not found and all(_names_one(refusal, liked) for refusal in undecided):

@@ -116,6 +116,7 @@ DICE = _home(
     [
         ("I'd like the die on the nightstand", {"(ontop die_0 table_0)"}),
         ("I'd like the die on the nightstand, please", {"(ontop die_0 table_0)"}),
+        ("I'd like the die closest to the nightstand", {"(ontop die_0 table_0)"}),
         # The mug can be put on the table, and the cup on the other oven.
         ("I'd like the mug on the table", {"(ontop mug_0 table_0)"}),
         ("I'd like the cup on the oven", "ambiguous-object"),
@@ -188,6 +189,14 @@ def test_tidying_leaves_what_lies_on_furniture_and_takes_up_what_lies_on_the_flo
 )
 def test_what_is_brought_and_there_already_is_held(query: str, wanted: set[str] | str) -> None:
     assert _outcome(query, SCENES["kitchen_t1"]) == wanted
+
+
+def test_what_is_in_the_nearest_thing_is_brought_onto_it() -> None:
+    scene = _home({"refrigerator_0": (1.0, 0.0), "table_0": (0.0, 3.0)}, {"egg_0": "refrigerator_0"}).to_json()
+    cabinet = {"category": "bottom_cabinet", "position": [0.6, 0.0, 0.4], "bbox_extent": [0.4, 0.6, 0.8]}
+    scene["objects"]["cabinet_0"] = cabinet
+    scene["facts"] = ["(inside egg_0 cabinet_0)", "(not (open cabinet_0))"]
+    assert _outcome("bring me the egg", Scene.from_json(scene)) == {"(ontop egg_0 cabinet_0)", "(not (open cabinet_0))"}
 
 
 def test_that_it_is_held_is_said_and_two_things_are_not() -> None:
