@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from llm.offline.grounding import Grounding
-from llm.offline.intents import Intent, IntentKind, Refusal, Surroundings, enumeration
+from llm.offline.intents import Intent, IntentKind, Refusal, Support, Surroundings, enumeration
 from llm.offline.viewpoint import start_gap_m
 
 
@@ -65,7 +65,10 @@ def unstacked(ids: Sequence[str], around: Surroundings) -> tuple[Intent, ...]:
 
 
 def brought(ids: Sequence[str], grounding: Grounding) -> tuple[tuple[Intent, ...], str]:
-    """Return the intents that put things onto what is nearest to the robot's start, since nothing can be handed."""
+    """Return the intents that put things onto what is nearest to the robot's start, since nothing can be handed.
+
+    The one thing that stands there already is picked up, and held.
+    """
     around, names = grounding.around, grounding.names
     grounds = [category for category, entry in names.entries.items() if entry is not None and entry.ground]
     tops = [
@@ -77,8 +80,9 @@ def brought(ids: Sequence[str], grounding: Grounding) -> tuple[tuple[Intent, ...
         raise Refusal("missing-place", "nothing can be handed over, and no surface is near the robot's start")
     nearest = min(tops, key=lambda key: start_gap_m(key, around.scene))
     there = f"{nearest}, the nearest surface to the robot's start"
-    if all(any(step.object_id == nearest for step in around.supports(key)) for key in ids):
-        stands = "stands" if len(ids) == 1 else "stand"
-        raise Refusal("already-so", f"nothing can be handed over, and {enumeration(ids)} {stands} already on {there}")
+    if all(Support("ontop", nearest) in around.supports(key) for key in ids):
+        if len(ids) == 1:
+            return (Intent(IntentKind.PICK, ids[0]),), f"{ids[0]} stands already on {there}; it is picked up and held"
+        raise Refusal("already-so", f"nothing can be handed over, and {enumeration(ids)} stand already on {there}")
     intents = tuple(Intent(IntentKind.PLACE, key, "ontop", nearest) for key in ids)
     return intents, f"nothing can be handed over; it is brought to {there}"

@@ -376,13 +376,7 @@ class Grounding:
         return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
-        front = phrase.front
-
-        def has_it(key: str) -> bool:
-            fronts = self.around.affordances[key].fronts
-            return not fronts or front is None or front in fronts
-
-        whole = self.one(owner, fits=has_it)
+        whole = self.one(owner, fits=lambda key: self.names.may_have(key, phrase))
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
             return Named((whole.object_id,), words, notes=whole.notes)
@@ -445,9 +439,13 @@ class Grounding:
             return self._found_at_either(ids, place, place.other)
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase, named_only=True)
+        said: tuple[str, ...] = ()
+        if (again := self._said_again(phrase, named)) is not None:
+            ids, said = self._found_at(ids, again)
+            phrase = replace(phrase, location=None)
         supports, notes = self._narrowed(named, phrase, None)
         supports, more = self._on_side(supports, phrase)
-        notes = (*named.notes, *self._unconfirmed(named, supports), *more, *notes)
+        notes = (*said, *named.notes, *self._unconfirmed(named, supports), *more, *notes)
         if place.direction in REFERENCE_DIRECTIONS:
             fitting = referenced(ids, place.direction, supports, self.around.scene)
             if fitting:
@@ -466,6 +464,19 @@ class Grounding:
             f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
             f"{alternatives(supports)}: {self._stands(ids)}",
         )
+
+    def _said_again(self, phrase: NounPhrase, named: Named) -> Location | None:
+        """Return where "the bottle in the fridge that is in the fridge" is said to be again, by either name.
+
+        A box can be in a box: where one of the named is at the repeated place, that is meant.
+        """
+        again = phrase.location
+        if again is None or again.other is not None or again.direction not in (*_WHERE, *_RELATION):
+            return None
+        if {*self._bearers(again.phrase, named_only=True).ids} != {*named.ids}:
+            return None
+        carried = any(step.object_id in named.ids for key in named.ids for step in self.around.chain(key))
+        return None if carried else again
 
     def _stands(self, ids: Sequence[str]) -> str:
         unstated = "at a place that the scene does not state"

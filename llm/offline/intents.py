@@ -321,6 +321,19 @@ def fronts_in(name: str) -> frozenset[Front]:
     return frozenset(front for front in FRONTS if words & {front, f"{front}s"})
 
 
+def doors_told_apart(model: str) -> frozenset[str] | None:
+    """Return the words that tell the doors of a model apart, as its name says; None where it does not say.
+
+    A pair of doors is beside each other, a freezer's door is above or below the other one, and "one_door" is alone.
+    """
+    words = set(re.split(r"[^a-z]+", model.rsplit("/", 1)[-1].lower()))
+    if "doors" in words or {"side", "by"} <= words:
+        return frozenset({"left", "right", "first", "second", "last"})
+    if "freezer" in words and "drawer" not in words:
+        return frozenset({"top", "bottom", "first", "second", "last"})
+    return frozenset() if words & {"door", "hinge", "freezer"} else None
+
+
 @dataclass(frozen=True, slots=True)
 class Support:
     """Support or container of an object: `relation` to `object_id` (which may be the gripper)."""

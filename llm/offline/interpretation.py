@@ -25,7 +25,7 @@ from llm.offline.intents import (
     no_action,
     order_for_one_hand,
 )
-from llm.offline.names import singulars
+from llm.offline.names import is_again, singulars
 from llm.offline.placing import SPOTS, Placing, placings
 from llm.offline.reader import Command, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
@@ -220,6 +220,9 @@ class _IntentBuilder(Placing):
 
     def _put_somewhere(self, command: Command, ids: Sequence[str]) -> Mention:
         """Return the intents that put things where they usually are, or where the robot has been sent."""
+        there = command.objects[0].location
+        if command.kind == "away" and there is not None:
+            return Mention(self._anywhere(ids, self.grounding.one(there.phrase)))
         usual = {key: self._usual_place(key) for key in ids}
         if command.kind == "away" and all(usual.values()):
             return Mention(self._put_away(usual))
@@ -443,7 +446,7 @@ class _IntentBuilder(Placing):
             other, verb = self.called.get(key, (name, self.verbs))
             of_one_verb = verb == self.verbs
             self.called[key] = (other if of_one_verb else name, self.verbs)
-            other = name if _is_again(name, other) else other
+            other = name if is_again(name, other) else other
         if name == other or key in (name, other):
             return
         if of_one_verb:
@@ -584,16 +587,12 @@ class _IntentBuilder(Placing):
         return intents
 
 
-def _is_again(name: str, earlier: str) -> bool:
-    """Decide whether a name can repeat an earlier one: no word of it is new, as in "the white mug" and "the mug"."""
-    return {*name.split()} <= {*earlier.split(), "same"}
-
-
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
     "swap": _IntentBuilder._swapped,
     "stack": _IntentBuilder._stacked,
     "nest": _IntentBuilder._nested,
     "unstack": _IntentBuilder._unstacked,
     "bring": _IntentBuilder._brought,
+    "liked": _IntentBuilder._brought,
     "tidy": _IntentBuilder._tidied,
 }

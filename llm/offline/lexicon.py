@@ -34,7 +34,8 @@ class Category:
     """One category: all its names, those of its top such as "countertop", and what can be done with it.
 
     `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
-    `seat`: "in" it is on it. `fitted`: "under" it is in what of this category stands there.
+    `seat`: "in" it is on it. `soft`: like onto a seat, things are put away there last. `fitted`: "under" it is in what
+    of this category stands there.
     """
 
     names: tuple[str, ...]
@@ -43,6 +44,7 @@ class Category:
     waste: bool = False
     ground: bool = False
     seat: bool = False
+    soft: bool = False
     fitted: str = ""
     compact: frozenset[str] = field(init=False, repr=False, compare=False)
 
@@ -253,7 +255,7 @@ def _category(key: str, entry: Any) -> Category:
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
-    kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat")}
+    kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat", "soft")}
     # "The seat of the sofa" is a part of it, and so is "the sofa seat".
     parts = ("seat", "cushion") if kind["seat"] else ()
     seats = tuple(f"{name} {part}" for name in entry["names"] for part in parts)

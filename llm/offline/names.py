@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Self, get_args
 
 import bddl
-from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
+from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives, doors_told_apart
 from llm.offline.lexicon import Category, Lexicon, names_of, short_names
 from llm.offline.reader import NounPhrase
 from llm.offline.viewpoint import COLORS, LEVELS, SIZES, stated_colors
@@ -214,10 +214,21 @@ class Names:
             raise self.without(named.ids, front, by_name=bool(before))
         return Named(ids, named.name, named.descriptions, by_door=True)
 
+    def may_have(self, key: str, phrase: NounPhrase) -> bool:
+        """Decide whether an object can have a door, drawer or shelf, as far as its category and model say."""
+        fronts, front = self.affordances[key].fronts, phrase.front
+        if front is not None and fronts and front not in fronts:
+            return False
+        part, told_apart = _part(phrase, self._which_part(phrase)), doors_told_apart(self.scene.objects[key].model)
+        return part is None or part.part != "door" or told_apart is None or part.which in told_apart
+
+    def _which_part(self, phrase: NounPhrase) -> tuple[str, ...]:
+        return (*((phrase.side,) if phrase.side else ()), *self.which(phrase.words[:-1]))
+
     def door_of(self, whole: str, phrase: NounPhrase) -> Named:
         """Return an object whose door or drawer is meant."""
         before, front = phrase.words[:-1], phrase.front
-        which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
+        which = self._which_part(phrase)
         can = self.affordances[whole]
         if (part := _part(phrase, which)) is not None and (front is None or can.door):
             if front is not None and can.fronts and front not in can.fronts:
@@ -335,3 +346,8 @@ def singulars(word: str) -> tuple[str, ...]:
     """Return the possible singulars of a plural; empty for a word that is none."""
     endings = (("lves", "lf"), ("ives", "ife"), ("oaves", "oaf"), ("ies", "y"), ("es", ""), ("s", ""))
     return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
+
+
+def is_again(name: str, earlier: str) -> bool:
+    """Decide whether a name can repeat an earlier one: no word of it is new, as in "the white mug" and "the mug"."""
+    return {*name.split()} <= {*earlier.split(), "same"}

@@ -145,7 +145,13 @@ def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Ref
     verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
-    if verb is not None and refusal.code in ("unknown-action", "not-understood"):
+    if tokens[0].text in names.lexicon.stands and refusal.code == "missing-place":
+        # "Stand the bat up"; with a place it is put there.
+        refusal.code = "unknown-action"
+        refusal.problem = (
+            f'without a place "{tokens[0].text}" is no action of the library: nothing here turns a thing over'
+        )
+    elif verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
 
@@ -174,17 +180,28 @@ def _interpreted(
 def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Return the one request that the readings (at least one) allow in the scene, and the assumptions."""
     found: dict[Request, tuple[str, ...]] = {}
+    liked: dict[Request, tuple[str, ...]] = {}
     refusals: list[Refusal] = []
+    taken: set[str] = set()
     for reading in readings:
         try:
             request, notes = interpret_reading(reading, grounding)
         except Refusal as refusal:
-            refusal.in_vain = any(command.kind in ("bare", "nowhere", "away") for command in reading)
+            refusal.in_vain = any(command.kind in ("bare", "nowhere", "away", "liked") for command in reading)
             refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
             refusals.append(refusal)
         else:
-            found.setdefault(request, notes)
-    undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found)]
+            (liked if any(command.kind == "liked" for command in reading) else found).setdefault(request, notes)
+            if any(command.kind == "pick" for command in reading):
+                taken.update(intent.target for intent in request.intents)
+    # Nothing is put closest to a thing: what is liked there can only be named.
+    found = found if found or refusals else liked
+    sources = {step.object_id for key in taken for step in grounding.around.supports(key)}
+    undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found, sources)]
+    if undecided and not found and all(_names_one(refusal, liked) for refusal in undecided):
+        request, notes = next(iter(liked.items()))
+        note = f"where {request.intents[0].target} is tells which one is meant, and not where it shall be"
+        return request, (*notes, note)
     if found and not undecided:
         if len(found) == 1:
             return next(iter(found.items()))
@@ -192,15 +209,24 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
 
 
-def _is_decided(refusal: Refusal, found: Collection[Request]) -> bool:
-    """Decide whether the only other reading says which one is meant: "the glass on the table" of several glasses."""
+def _is_decided(refusal: Refusal, found: Collection[Request], sources: Collection[str]) -> bool:
+    """Decide whether the only other reading says which one is meant: "the glass on the table" of several glasses.
+
+    "Get the glass on the table" says it of several tables, too: `sources` are those that a glass is taken from.
+    """
     if refusal.code != "ambiguous-object" or len(found) != 1:
         return False
     (request,) = found
     spoken = {
         key for i in request.intents for key in (i.target, i.destination, None if i.where is None else i.where.other)
     }
-    return bool(spoken.intersection(refusal.among))
+    return bool(spoken.union(sources).intersection(refusal.among))
+
+
+def _names_one(refusal: Refusal, liked: Collection[Request]) -> bool:
+    """Decide whether "I'd like the die on the oven" can only name a die: put there, it could be any of several."""
+    targets = {intent.target for request in liked for intent in request.intents}
+    return refusal.code == "ambiguous-object" and len(targets) == 1 and not targets.isdisjoint(refusal.among)
 
 
 def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:

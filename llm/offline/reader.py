@@ -19,7 +19,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "tidy", "toss", "find", "away",
+    "liked", "tidy", "toss", "find", "away",
 ]  # fmt: skip
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
     {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST"}
@@ -166,6 +166,7 @@ class Command:
             "away": "put away ",
             "goto": "go to ",
             "bare": "",
+            "liked": "",
             "tidy": "tidy up",
             "toss": "throw ",
             "find": "find ",
@@ -299,8 +300,8 @@ def _command(tree: Any) -> Command:
         there = replace(where, direction="AGAINST")
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
     if kind == "liked":
-        # "I want the mug on the table" says where it shall be, and "from the table" which one it is.
-        return Command("bring" if _only_from(objects) else "bare", objects)
+        # "I want the mug on the table" says where it shall be, or which one it is, and "from the table" says that.
+        return Command("bring" if _only_from(objects) else "liked", objects)
     if kind in ("also", "lying", "carried"):
         return Command(
             "place", objects, source, destination, verbless=kind == "lying", carried=kind in ("also", "carried")

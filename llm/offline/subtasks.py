@@ -44,7 +44,7 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
             check(intent, state)
         except Refusal as refusal:
             if refusal.code != "already-so":
-                raise
+                raise _of_size(request, around) or refusal if refusal.code == "affordance" else refusal from None
             needless.append(refusal)
             if intent.target not in on_the_way:
                 idle.append(intent)
@@ -390,14 +390,27 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
     Raises:
         QueryError: Code "too-large"; the message states what would fit.
     """
-    gripper = Gripper.of(scene.robot)
     for target in dict.fromkeys(targets):
-        unfit = sizing.unfit(scene[target], gripper)
-        if unfit is not None:
-            width_m = min(scene[target].extent_m[:2])
-            why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {gripper.widest_m:.3f} m: it {unfit}"
-            if not sizing.keep:
-                why += f". Things up to {gripper.widest_scaled_m:.3f} m wide can be scaled to fit"
-            fit = graspable_items(scene, sizing)
-            why += f"; here {enumeration(fit[:_MOST_NAMED])} fit" if fit else "; nothing here fits"
+        if (why := _unfit(target, scene, sizing)) is not None:
             raise QueryError("too-large", query, why, understood=understood)
+
+
+def _of_size(request: Request, around: Surroundings) -> Refusal | None:
+    """Return the refusal of the first thing that no hand here can take, so that no other place is of use for it."""
+    lifted = (intent.target for intent in request.intents if not intent.kind.is_about_a_door)
+    unfit = (_unfit(target, around.scene, around.sizing) for target in lifted)
+    return next((Refusal("too-large", why) for why in unfit if why is not None), None)
+
+
+def _unfit(target: str, scene: Scene, sizing: Sizing) -> str | None:
+    """Return why an object fits the gripper at no permitted scale, and what would fit; None where it does."""
+    gripper = Gripper.of(scene.robot)
+    unfit = sizing.unfit(scene[target], gripper)
+    if unfit is None:
+        return None
+    width_m = min(scene[target].extent_m[:2])
+    why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {gripper.widest_m:.3f} m: it {unfit}"
+    if not sizing.keep:
+        why += f". Things up to {gripper.widest_scaled_m:.3f} m wide can be scaled to fit"
+    fit = graspable_items(scene, sizing)
+    return why + (f"; here {enumeration(fit[:_MOST_NAMED])} fit" if fit else "; nothing here fits")
