@@ -125,7 +125,7 @@ def measured_colors(thing: SceneObject) -> dict[str, float]:
 
 
 def by_measured_color(ids: tuple[str, ...], color: str, scene: Scene) -> tuple[str, ...]:
-    """Return the object that has clearly more of a colour than the others in a photograph; empty where none has.
+    """Return the objects that have about as much of a colour as any in a photograph; empty where none has any.
 
     Light shifts colours, so that they are compared, and neighbours count half. The only candidate is meant whatever
     its colour: a person's word is worth more than a camera's.
@@ -133,14 +133,12 @@ def by_measured_color(ids: tuple[str, ...], color: str, scene: Scene) -> tuple[s
     measured = {key: measured_colors(scene.objects[key]) for key in ids}
     if not all(measured.values()):
         return ()
-    near = _NEAR.get(color, ())
-    amounts = {
-        key: have.get(color, 0.0) + sum(have.get(one, 0.0) for one in near) / 2 for key, have in measured.items()
-    }
-    *others, most = sorted(ids, key=lambda key: amounts[key])
-    if not others:
+    if len(ids) == 1:
         return ids
-    return (most,) if amounts[most] > max(_LEAST_SHARE, _CLEARLY_MORE * amounts[others[-1]]) else ()
+    near = _NEAR.get(color, ())
+    amounts = {key: have.get(color, 0.0) + sum(have.get(c, 0.0) for c in near) / 2 for key, have in measured.items()}
+    most = max(amounts.values())
+    return tuple(key for key in ids if amounts[key] >= most / _CLEARLY_MORE) if most > _LEAST_SHARE else ()
 
 
 def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:

@@ -48,6 +48,7 @@ _NEXT = 0.4  # Of what is looked at below a box: it shows the top that a thing i
 _OUT_PERCENTILE, _LEAST_DEEP_M, _MOST_DEEP_M = 70.0, 0.015, 0.40
 _USUAL_TIMES = 2.0  # Of a usual depth, that a measured one may be smaller or larger.
 _FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
+_TAKEN_M = 0.4  # Largest side of what people take in a hand.
 _DEEP_M = 0.08  # Of what nothing says how far it stands out.
 _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
 
@@ -140,6 +141,9 @@ def _by_depth(
         return None
     below = _below(view, detection.box_px, wall, points)
     stands = below == "top" or (below == "open" and usual_m is None) or (mirrors and below != "wall")
+    # A shoe on stairs has a wall behind it as well, and what hangs nobody can take; a television nobody takes anyway.
+    is_small = float(np.ptp(points, axis=0).max()) < _TAKEN_M
+    stands = stands or (usual_m is None and is_small and support_of(view, room.detections, index) != WALL)
     if stands and not is_known:
         return None
     deep_m = _DEEP_M if mirrors else float(np.percentile(out_m, _OUT_PERCENTILE))
