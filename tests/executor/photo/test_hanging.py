@@ -80,6 +80,15 @@ def test_what_stands_on_a_board_before_a_wall_does_not_hang() -> None:
     assert not thing.fit.guess.fixed
 
 
+@pytest.mark.parametrize(("label", "side_m", "hangs"), [("shoe", 0.25, False), ("television", 0.6, True)])
+def test_what_people_take_does_not_hang_where_its_box_is_on_something(label: str, side_m: float, hangs: bool) -> None:
+    stairs = PoseHypothesis(BOX, 3.05, 0.0, 0.0, 0.0, (0.6, 2.0, 1.7))
+    before = PoseHypothesis(BOX, 2.72, 0.1, 0.0, 0.9, (0.06, side_m, side_m))
+    seen, (steps, box) = seen_from_above(stairs, before)
+    things = reconstruct(seen, [named("stairs", steps), named(label, box)], ()).things
+    assert things[1].fit.guess.fixed is hangs
+
+
 def test_what_stands_on_the_floor_at_a_wall_does_not_hang() -> None:
     bin_ = replace(PANEL, bottom_m=0.0, size_m=(0.25, 0.36, 0.5), x_m=2.85)
     seen, (_, box) = seen_from_above(WALL, bin_)
