@@ -55,7 +55,7 @@ class MadeScene:
     culprit: str | None = None
 
 
-def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT_M) -> tuple[FittedRoom, MadeScene]:
+def scene_of(found: FittedRoom, name: str) -> tuple[FittedRoom, MadeScene]:
     """Return the room that fits in a scene, and its scene: without overlaps, with facts, settled in physics.
 
     Walls that reach into things are left out. A thing that physics refuses goes to the nearest free place, then as a
@@ -64,11 +64,10 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
     Args:
         found: The fits.
         name: Name of the scene.
-        same_height_m: Tolerance between an object and the top that it stands on.
     """
     if not found.things:
         return found, MadeScene(None, "nothing is in it", (), {})
-    made = first = made_of(found, found.guesses, name, same_height_m=same_height_m)
+    made = first = made_of(found, found.guesses, name)
     room, changed = found, Counter[str]()
     for _ in range((len(YIELDS) + 1) * len(found.things) + 2):
         if not made.refused:
@@ -90,7 +89,7 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
             room = replace(room, things=tuple(other if one is thing else one for one in room.things))
         if not room.things:
             break
-        made = made_of(room, room.guesses, name, same_height_m=same_height_m, fitted=found.guesses)
+        made = made_of(room, room.guesses, name, fitted=found.guesses)
     return (found, first) if made.refused else (room, made)
 
 

@@ -118,7 +118,8 @@ def _at_rest(guess: PoseHypothesis, key: str, scene: Scene, reach_m: float) -> P
             if height_m >= 0.0:
                 tried.append((by_m, float(at[0]), float(at[1]), height_m))
     # It stays at its height as long as it can: a pillow between arms becomes narrower before it goes to the floor.
-    places = [one for one in places if abs(one[0] - guess.bottom_m) <= _LEVEL_SHARE * reach_m]
+    if reach_m < YIELDS[-1][-1]:
+        places = [one for one in places if abs(one[0] - guess.bottom_m) <= _LEVEL_SHARE * reach_m]
     for (by_m, turn), (height_m, T, half) in itertools.product(steps, places):
         at = np.array([guess.x_m + by_m * math.cos(turn), guess.y_m + by_m * math.sin(turn)])
         if (np.abs(T[:2, :2].T @ (at - T[:2, 3])) <= half - EDGE_M).all():

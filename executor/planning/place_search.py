@@ -82,6 +82,7 @@ ALIKE = np.array([0.005, 0.005, 0.02, 0.1, 0.1, 0.1])
 """Of places [m] and upward axes: what is let go of so alike falls alike."""
 
 LANDING_S = 0.06  # Effort to find out where a thing ends.
+LEAST_LANDINGS = 4  # Of which none stays, before a thing counts as one that stays nowhere.
 MOST_LANDINGS = 24
 """In how many ways a thing is let go of at most; where it may stay at all, it does so in a third of them."""
 
@@ -286,7 +287,7 @@ class PlaceSearch:
     @property
     def stays_nowhere(self) -> bool:
         """Whether the thing ended elsewhere however it was let go of: by another grasp it would do the same."""
-        return bool(self.landed) and not any(self.landed.values())
+        return len(self.landed) >= LEAST_LANDINGS and not any(self.landed.values())
 
     def _lands(self, goal: HandGoal) -> bool:
         """Return whether the thing ends in its place if it is let go of by a hand at a goal; True where undecided."""

@@ -247,8 +247,8 @@ class DryWorld(World):
         """Return the bowl or box that an item is in or over; None where it is over none."""
         for vessel in self.dynamic_ids:
             for region in self.assets[vessel].regions if vessel != item else ():
-                middle = (self.T_world_link(vessel, region.link) @ np.array([*region.center_m, 1.0]))[:3]
-                off = np.abs(self._poses[item][:3, 3] - middle)
+                T_region_item = inverse(self.T_world_link(vessel, region.link)) @ self._poses[item]
+                off = np.abs(T_region_item[:3, 3] - np.array(region.center_m))
                 if region.kind == "interior" and (off <= np.array(region.half_extents_m) + OVER_IT_M).all():
                     return vessel
         return None
@@ -371,7 +371,7 @@ def at_rest_within(world: World, released: Mapping[str, Array], vessel: str) -> 
         released: id -> (4, 4) where an item was let go of.
         vessel: Id of the bowl or box.
     """
-    names, waiting = {*released, GROUND, ROBOT}, [vessel]
+    names, waiting = {GROUND, ROBOT}, [vessel, *released]
     while waiting:
         names.add(name := waiting.pop())
         near = touching_bodies(world, name) if name in world.dynamic_ids else ()

@@ -318,16 +318,15 @@ class Grounding:
         """Return the objects of the colours and sizes that words name, as far as the scene states them."""
         colours = tuple(word for word in words if word in COLORS)
         stated = {key: stated_colors(self.around.scene.objects[key]) for key in ids}
+        measured = {key for key in ids if measured_colors(self.around.scene.objects[key])}
         for word in words:
             if word in COLORS and (clear := by_measured_color(ids, COLORS[word], self.around.scene)):
                 ids = clear
             elif word in COLORS:
                 fitting = tuple(key for key in ids if COLORS[word] in stated[key])
-                unstated = tuple(key for key in ids if not stated[key])
-                if not fitting and all(measured_colors(self.around.scene.objects[key]) for key in ids):
-                    problem = (
-                        f'"{phrase}" can mean {alternatives(ids)}: the photograph does not tell which one is {word}'
-                    )
+                unstated = tuple(key for key in ids if not stated[key] and key not in measured)
+                if not fitting and measured.issuperset(ids):
+                    problem = f'"{phrase}" can mean {alternatives(ids)}: the photograph tells none apart as {word}'
                     raise Refusal("ambiguous-object", f"{problem}; say which one by its id")
                 if not fitting and not unstated:
                     others = "; ".join(f"{key} is {enumeration(sorted(have))}" for key, have in stated.items() if have)

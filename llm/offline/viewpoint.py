@@ -49,7 +49,7 @@ _NEAR = {
     "grey": ("white", "black"),
     "black": ("grey",),
 }
-_LEAST_SHARE, _CLEARLY_MORE = 0.05, 2.0
+_LEAST_SHARE, _MUCH, _CLEARLY_MORE = 0.1, 0.3, 2.0
 # A smaller ratio of sizes is no difference that people would name.
 _CLEARLY = 1.15
 
@@ -109,11 +109,13 @@ def placed(ids: Sequence[str], word: str, scene: Scene) -> tuple[str, str] | Non
 def stated_colors(thing: SceneObject) -> frozenset[str]:
     """Return the colours that a scene states of an object: in its parameters, or in its names.
 
-    Where a photograph gave shares of colours, its model's own one states nothing.
+    Where a photograph gave shares of colours, what it shows much of counts in place of its model's own one.
     """
-    own = "" if measured_colors(thing) else str(thing.parameters.get("color", ""))
+    measured = measured_colors(thing)
+    own = "" if measured else str(thing.parameters.get("color", ""))
     words = " ".join((thing.id, thing.category, thing.model, own)).lower()
-    return frozenset(COLORS[word] for word in re.split("[^a-z]+", words) if word in COLORS)
+    named = (COLORS[word] for word in re.split("[^a-z]+", words) if word in COLORS)
+    return frozenset((*named, *(color for color, share in measured.items() if share >= _MUCH)))
 
 
 def measured_colors(thing: SceneObject) -> dict[str, float]:

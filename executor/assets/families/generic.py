@@ -42,6 +42,7 @@ _COLORS: Mapping[str, Color] = {
 COLOR = ChoiceParameter("color", tuple(_COLORS))
 LEAN = NumericParameter("lean", 0.2, 0.0, 0.5)
 _SYNSET, _LINK = "object.n.01", "body"
+_LEAST_OPEN_M: Vector = (0.012, 0.012, 0.01)  # Of what has walls around a hollow.
 _LEAST_M: Vector = (0.002, 0.002, 0.002)
 _FRICTION, _ITEM_KG_M3 = 0.8, 400.0
 _WALL_SHARE, _WALL_M = 0.08, (0.001, 0.015)  # Of the shortest side; limits of an open box's wall.
@@ -81,7 +82,7 @@ def open_box(obj: SceneObject) -> Asset:
 
 def open_cylinder(obj: SceneObject) -> Asset:
     """Return an upright cylinder without a lid; its diameter is the smaller horizontal extent."""
-    x, y, z = _halves(obj)
+    x, y, z = (side / 2 for side in require_size(obj, _LEAST_OPEN_M))
     made = straight_cup(obj, min(x, y), 2 * z, _LINK, _SYNSET, _COLORS[COLOR.read(obj)])
     return (
         made

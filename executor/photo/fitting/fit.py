@@ -152,6 +152,8 @@ def _on_plane(view: Observation, pixel: Array, plane: Wall) -> tuple[float, floa
 def update_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Update a fit to what is known around it since, if its box shows hardly anything else than before."""
     fine = _likelihood(around, box_px, FINE_PX)
+    if not len(fine.evidence.z_m):
+        return found  # Nothing is measured there: it was fitted to its box.
     best, *others = by_cost(
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )

@@ -288,7 +288,8 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
     for number, (label, (x0, y0, x1, y1), score) in enumerate(found):
         shown = f"{label or 'thing'} {number} at {x0:g} {y0:g} {x1:g} {y1:g}"
         inside = -over_x <= x0 and -over_y <= y0 and x1 <= width + over_x and y1 <= height + over_y
-        if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
+        box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
+        if not (inside and box[2] - box[0] >= LEAST_PX and box[3] - box[1] >= LEAST_PX):
             outside.append(shown)
             continue
         if is_left_out(label):
@@ -297,7 +298,6 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
             category = category_named(label)
         except NoMatchingModel:
             category = plain_name(label)
-        box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
         kept.append(Detection(label, category, box, score, source))
     if outside:
         problem = f"{len(outside)} of {len(found)} boxes are not in the picture of {width} x {height} pixels"

@@ -22,7 +22,9 @@ from executor.photo.inputs.annotations import FLOOR, WALL, Detection, plain_name
 from executor.photo.inputs.usual import (
     carries,
     hung_depth_m,
+    is_hollow,
     is_lounge,
+    is_mostly_open,
     is_open,
     is_seat,
     is_soft,
@@ -61,16 +63,13 @@ def supports_of(view: Observation, things: Sequence[Detection]) -> list[int]:
     """Return what carries each thing: the index of another one, FLOOR or WALL. Nothing carries itself."""
     found = [support_of(view, things, index) for index in range(len(things))]
     for index in range(len(things)):
-        # Two things that seem to be on each other: the larger one is below.
-        seen = {index}
-        on = found[index]
-        while on >= 0:
-            if on in seen:
-                largest = max(seen, key=lambda one: things[one].area_px)
-                found[largest] = FLOOR
-                break
-            seen.add(on)
-            on = found[on]
+        # Of things that seem to be on each other, the largest one is below, unless a person says what it is on.
+        way = [index]
+        while (on := found[way[-1]]) >= 0 and on not in way:
+            way.append(on)
+        if on >= 0:
+            free = [one for one in way[way.index(on) :] if things[one].on is None]
+            found[max(free or way[way.index(on) :], key=lambda one: things[one].area_px)] = FLOOR
     return found
 
 
@@ -264,7 +263,8 @@ def _is_on(thing: Detection, item: Detection, into: float) -> bool:
     (x0, _, x1, y1), (left, top, right, bottom) = thing.box_px, item.box_px
     aside, down = ((x0 + x1 - left - right) / (right - left), (2 * y1 - top - bottom) / (bottom - top))
     ends_in_it = math.hypot(aside, max(down, -1.0 + 2 * _INTO)) < 1.0 and down > 2 * into - 1.0
-    return ends_in_it and carries(item.label) and x1 - x0 < _NARROW * (right - left)
+    takes = carries(item.label) or is_hollow(item.label) or is_mostly_open(item.label)
+    return ends_in_it and takes and x1 - x0 < _NARROW * (right - left)
 
 
 def is_beyond_kind(view: Observation, thing: Detection) -> bool:

@@ -10,7 +10,7 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.fitter import hung_models
+from executor.photo.room.fitter import as_named, hung_models
 from executor.photo.room.hanging import hung
 from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, with_region
 from executor.photo.room.outlined import entry_of, fit_of
@@ -64,7 +64,10 @@ def fit_without_depth(
             room.add_fit(index, fit_of(room, index, problem, index))
     for index in range(len(things)):
         if index in room.fits and index not in kept:
-            room.fits[index] = replace(room.fits[index], in_box=room.in_box(index), rough=rough)
+            found = as_named(room.fits[index], things[index])
+            room.remove_fit(index)
+            room.add_fit(index, found)
+            room.fits[index] = replace(found, in_box=room.in_box(index), rough=rough)
 
 
 def _root(on: Sequence[int], index: int) -> int:

@@ -76,7 +76,9 @@ class RoomFitter:
             if found.in_box >= LEAST_IN_BOX and found.explained >= _LEAST_EXPLAINED:
                 best = found
                 break
-        return room.add_fit(index, self._hung(index, around) if best is None else best)
+        if best is None and (last := self._hung(index, around)) is not None:
+            best = as_named(last, detection)
+        return room.add_fit(index, best)
 
     def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
         """Fit one object by the likeliest start of a search, which takes a fraction of a second.

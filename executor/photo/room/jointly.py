@@ -118,7 +118,7 @@ def _edges(entry: ModelEntry) -> Array:
 def _parts(entry: ModelEntry) -> Array:
     """Return (N, 2, 3) lowest and highest corners of the solid parts of a model in a unit box, boxes of all."""
     size_m = usual_size_m(entry)
-    if entry.model in ("generic_box", "generic_cylinder", "generic_open_box"):
+    if entry.model in ("generic_box", "generic_cylinder"):
         return np.array([[[-0.5] * 3, [0.5] * 3]])
     thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
     found = []

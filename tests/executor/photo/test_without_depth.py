@@ -13,6 +13,7 @@ from executor.assets.library import LIBRARY, asset_for
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.overlaps import resolve_overlaps
+from executor.photo.room import beneath
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.jointly import Jointly, Piece, shapes_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
@@ -157,3 +158,45 @@ def test_below_the_panel_of_a_monitor_other_things_have_their_place() -> None:
     assert (kept["strip"].x_m, kept["strip"].y_m) == pytest.approx((2.0, 0.2))
     neck, _ = resolve_overlaps({"table": table, "monitor": monitor, "strip": replace(strip, y_m=0.0)}, ())
     assert not np.allclose((neck["strip"].x_m, neck["strip"].y_m), (2.0, 0.0))
+
+
+def test_a_toy_in_an_open_box_is_in_it_and_keeps_its_size() -> None:
+    crate = PoseHypothesis(GENERIC["generic_open_box"], 1.4, 0.0, 0.0, 0.0, (0.5, 0.5, 0.2))
+    toy = PoseHypothesis(BOX, 1.5, 0.05, 0.0, 0.01, (0.10, 0.07, 0.12))
+    seen, (outer, inner) = seen_from_above(crate, toy)
+    things = reconstruct(flat(seen), [named("cardboard box", outer), named("toy", inner)], ()).things
+    assert things[1].fit.in_box > 0.6 and min(things[1].fit.guess.size_m) > 0.02
+
+
+def test_a_fruit_whose_box_ends_within_a_bowls_is_in_it_and_one_of_a_cycle_is_below() -> None:
+    seen, (table, bowl) = seen_from_above(TABLE, BOWL)
+    x0, y0, x1, y1 = bowl.box_px
+    middle, third = (x0 + x1) / 2, (x1 - x0) / 6
+    fruit = replace(bowl, box_px=(middle - third, y0, middle + third, (y0 + 2 * y1) / 3))
+    assert supports_of(flat(seen), [table, bowl, named("fruit", fruit)]) == [FLOOR, 0, 1]
+
+
+def test_on_what_seems_to_be_on_each_other_the_larger_is_below_and_the_rest_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen, (table,) = seen_from_above(TABLE)
+    small = replace(table, box_px=(0.0, 0.0, 9.0, 9.0))
+    for given, expected in (([1, 2, 1], [1, 2, FLOOR]), ([1, 0, 1], [FLOOR, 0, 1])):
+        monkeypatch.setattr(beneath, "support_of", lambda _view, _things, index, given=given: given[index])
+        sizes = [table, small, replace(table, box_px=(0.0, 0.0, 30.0, 30.0))]
+        assert supports_of(flat(seen), sizes) == expected
+
+
+def test_a_size_that_a_person_gave_is_kept() -> None:
+    seen, (table,) = seen_from_above(TABLE)
+    (thing,) = reconstruct(flat(seen), [replace(table, size_m=(0.8, 0.8, 0.9))], ()).things
+    assert thing.fit.guess.size_m == (0.8, 0.8, 0.9)
+
+
+def test_furniture_of_which_no_depth_is_measured_is_fitted_to_its_box() -> None:
+    seen, (table,) = seen_from_above(TABLE)
+    x0, y0, x1, y1 = (round(side) for side in table.box_px)
+    z_m = seen.z_m.copy()
+    z_m[max(0, y0 - 30) : y1 + 30, max(0, x0 - 30) : x1 + 30] = 0.0
+    (thing,) = reconstruct(replace(seen, z_m=z_m), [table], ()).things
+    assert thing.fit.in_box > 0.6
