@@ -32,7 +32,6 @@ import bddl
 import llm
 from bddl.errors import Scene2DemoError
 from benchmarks.baselines.methods import UncheckedRun
-from executor.assets.parameters import AssetError
 from executor.campaign.rate import Rate
 from executor.scenes.file import load_scene
 from llm.client.connect import connect
@@ -157,8 +156,8 @@ class Counted:
         if execute and goal is not None and (way == FREE or found.verdict == Verdict.PROVED.value):
             asked = replace(task, goal=goal)
             world = scene.with_scales(task.scales)
-            # A size that nobody has checked may be none that a model has.
-            with suppress(AssetError):
+            # Sizes that nobody has checked may be none that a model has, and a scene of them may not stand.
+            with suppress(Scene2DemoError):
                 done = UncheckedRun(compose(asked, scene=world), world, 0).from_start()
                 found.succeeded, found.simulated_s = done.succeeded, done.simulated_s
         return found
