@@ -44,7 +44,7 @@ shelf, whose depth is mostly hidden."""
 
 _NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top next to it.
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
-_GUESSED_FAR_M = 1.5  # Without depth it was fitted to a top's height, and may be off by the error of both sizes.
+_GUESSED_FAR_M = 1.5  # Of variations, whose heights are off by the error of both sizes.
 _GROWN_M = 1.0  # A table is fitted to what is visible of it: things at the height of its top are on it so far off.
 _ON_ITEM, _ON_TOP = 0.7, 0.4
 """Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
@@ -323,7 +323,7 @@ def _on_its_top(
         if on_item and other.bottom_m > guess.bottom_m:
             continue
         if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
-            # Without depth, what is before a thing may seem to be below it.
+            # Of a variation, what is before a thing may seem to be below it.
             continue
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
