@@ -282,8 +282,8 @@ def _command(tree: Any) -> Command:
             objects = (*objects, _phrase(child))
     if kind == "place" and not objects:
         objects = (NounPhrase(("it",), pronoun="it", elided=True),)
-    if kind in ("nowhere", "place") and objects[0].everything and _puts_away(tree, destination):
-        # "Put away everything on the table" is about what is there.
+    if kind in ("nowhere", "place") and _are_all(objects[0]) and _puts_away(tree, destination):
+        # "Put away everything on the table" and "all the fruit on the table" are about what is there.
         there = objects[0].location or destination
         kind, objects, destination = "away", (replace(objects[0], location=there),), None
     spoken = {child.type for child in tree.children if not _is_tree(child)}
@@ -312,6 +312,11 @@ def _command(tree: Any) -> Command:
 def _only_from(phrases: Sequence[NounPhrase]) -> bool:
     """Decide whether no place of things may be where they shall go."""
     return all(phrase.location is None or phrase.location.direction in ("FROM", "OUTOF") for phrase in phrases)
+
+
+def _are_all(phrase: NounPhrase) -> bool:
+    """Decide whether all things are meant, or all of a name."""
+    return phrase.everything or (phrase.several and phrase.count is None)
 
 
 def _puts_away(tree: Any, destination: Location | None) -> bool:

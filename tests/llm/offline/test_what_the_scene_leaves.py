@@ -155,6 +155,17 @@ def test_what_has_no_usual_place_goes_onto_the_nearest_surface(query: str) -> No
     assert "no usual place of mug_0 is known; table_0 is the nearest other surface" in proposal.notes
 
 
+@pytest.mark.parametrize("query", ["put away all the fruit on the table", "put all the fruit on the table away"])
+def test_all_of_a_name_are_put_away_from_where_they_are(query: str) -> None:
+    """The table is where the fruit is, and not where it shall go; the mug there stays."""
+    scene = _home(
+        {"table_0": (0.0, 0.0), "refrigerator_0": (2.0, 0.0), "bed_0": (0.0, 4.0)},
+        {"apple_0": "table_0", "mug_0": "table_0"},
+    )
+    assert "(inside apple_0 refrigerator_0)" in _outcome(query, scene)
+    assert not any("mug_0" in literal for literal in _outcome(query, scene))
+
+
 def test_seats_take_things_where_nothing_else_does() -> None:
     scene = _home(
         {"nightstand_0": (2.0, 0.0), "bed_0": (2.0, 1.5), "chair_0": (2.0, -0.6), "floor_0": (0.0, 0.0)},
