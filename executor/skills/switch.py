@@ -98,17 +98,6 @@ class Operation:
         return np.asarray(self.T_world_link[:3, :3] @ np.asarray(vector))
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """The motion of the hand from a stance on.
-
-    Attributes:
-        path: (N, Q) configurations, the stance's first.
-    """
-
-    path: Array
-
-
 @dataclass
 class ForceLimit(Monitor):
     """A monitor that also ends a motion at a force on a button.
@@ -168,7 +157,7 @@ def _operate(session: Session, action: Action, *, button: bool) -> StepResult:
         path = np.concatenate([session.q[None], stance.approach])
         failure = session.control.follow(path, monitor=session.monitor(_may_touch(session, operation)))
     if failure is None:
-        failure = _pressed(session, operation, stance) if button else _turned(session, operation, stance)
+        failure = _pressed(session, operation, stance) if button else _turned(session, operation)
     session = replace(session, hand=replace(session.hand, released=_may_touch(session, operation)))
     return _judged(session, action, operation, failure)
 
@@ -199,19 +188,19 @@ def _may_touch(session: Session, operation: Operation) -> Allowed:
     return fingers_may_touch(session.planner.robot, operation.link)
 
 
-def _stances(session: Session, operation: Operation) -> Iterator[Stance[Motion]]:
+def _stances(session: Session, operation: Operation) -> Iterator[Stance[Operation]]:
     """Yield stances from which the arm can make the whole motion with nothing in the way."""
     planner, touch = session.planner, _may_touch(session, operation)
     button = operation.control.is_button
     opening_m = 0.0 if button else operation.bar_m / 2 + HOLDING_M
 
-    def validate(q: Array) -> tuple[Motion, float] | None:
+    def validate(q: Array) -> tuple[Operation, float] | None:
         path = _press_path(session, operation, q) if button else _turn_path(session, operation, q)
         if path is None or planner.oracle.first_hit(path, opening_m=opening_m, allowed=touch):
             return None
         if planner.oracle.hits(path[0 if button else -1], opening_m=planner.kinematics.finger_upper_m, allowed=touch):
             return None  # The fingers open there.
-        return Motion(path), 0.0
+        return operation, 0.0
 
     goals = [*_button_goals(session, operation)] if button else [*_knob_goals(operation)]
     here = session.q[planner.robot.base]
@@ -269,7 +258,7 @@ def _turn_path(session: Session, operation: Operation, q: Array) -> Array | None
     return None if path is None else np.concatenate([q[None], path])
 
 
-def _pressed(session: Session, operation: Operation, stance: Stance[Motion]) -> Failure | None:
+def _pressed(session: Session, operation: Operation, stance: Stance[Operation]) -> Failure | None:
     """Press a button with closed fingers and leave it; return why it could not be pressed, or None."""
     control, touch = session.control, _may_touch(session, operation)
     control.grip(0.0)
@@ -293,12 +282,15 @@ def _pressed(session: Session, operation: Operation, stance: Stance[Motion]) -> 
     return failure
 
 
-def _turned(session: Session, operation: Operation, stance: Stance[Motion]) -> Failure | None:
+def _turned(session: Session, operation: Operation) -> Failure | None:
     """Take a knob, turn it and let go; return why it could not be turned, or None."""
     control, touch = session.control, _may_touch(session, operation)
+    path = _turn_path(session, operation, session.q)
+    if path is None:
+        message = f"the wrist does not turn on with the knob of {operation.target}"
+        return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=operation.target),))
     control.grip(0.0)
     monitor = session.monitor(touch, gripped=operation.target)
-    path = np.concatenate([session.q[None], stance.followup.path[1:]])
     carries = (operation.target, operation.control.name, operation.wanted)
     failure = control.follow(path, speed=TURN_SPEED, monitor=monitor, carries=carries)
     control.grip(session.planner.kinematics.finger_upper_m)
