@@ -29,9 +29,9 @@ from executor.scenes.models import NoDefaultSize, complete_object, implausible_o
 from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
-    derive_support_relations,
     SWITCHED,
     control_states,
+    derive_support_relations,
     door_states,
     fallen_solids,
     is_upright,

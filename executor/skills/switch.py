@@ -146,8 +146,8 @@ def _operate(session: Session, action: Action, *, button: bool) -> StepResult:
         return session.done(action, failure=Failure(FailureKind.PRECONDITION, operation, (unplanned,)))
     planned = adopt_first(session, lambda _: iter((_stances(session, operation),)))
     if not isinstance(planned, Session):
-        what = "pressed" if button else "turned"
-        message = f"no free path to a place from which the {operation.control.child} of {operation.target} can be {what}"
+        part = f"the {operation.control.child} of {operation.target}"
+        message = f"no free path to a place from which {part} can be {'pressed' if button else 'turned'}"
         unplanned = Unplanned(target=operation.target, stances_tried=planned)
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (unplanned,)))
     session, stance, journey = planned, planned.plan.stance, planned.plan.journey
@@ -178,9 +178,7 @@ def _operation(session: Session, action: Action, *, button: bool) -> Operation |
     if control.is_on(now) is on:
         return f"{target} is switched {'on' if on else 'off'} already"
     away = 0.0 if button else control.position(AWAY_SHARE)
-    return Operation(
-        target, control, now, control.set_to if on else away, world.T_world_link(target, control.child)
-    )
+    return Operation(target, control, now, control.set_to if on else away, world.T_world_link(target, control.child))
 
 
 def _may_touch(session: Session, operation: Operation) -> Allowed:
