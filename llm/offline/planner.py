@@ -64,6 +64,8 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "close": IntentKind.CLOSE,
     "pick": IntentKind.PICK,
     "take-out": IntentKind.PICK,
+    "switch-on": IntentKind.SWITCH_ON,
+    "switch-off": IntentKind.SWITCH_OFF,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
 _ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
