@@ -19,7 +19,7 @@ _ARM_M, _BACK_M, _SEAT_M, _ARM_HEIGHT_M = 0.12, 0.16, 0.42, 0.60
 _FEET_M, _FOOT_M = 0.06, 0.05
 _BASE_M, _STEM_M, _SHADE_SHARE, _BASE_SHARE = 0.02, 0.012, 0.45, 0.6
 _LAMP_KG_M3 = 300.0
-_BLOCK_M, _SWITCH_M = 0.12, 0.075
+_BLOCK_M, _SWITCH_M, _ROOM_FOR_SWITCH_M = 0.12, 0.075, 0.04
 
 
 def armchair(obj: SceneObject) -> Asset:
@@ -70,7 +70,8 @@ def _switched_lamp(obj: SceneObject, radius: float, z: float) -> Asset:
     """Return a lamp with a button or knob at the front of the block that it stands on."""
     if obj.kind is Kind.ITEM:
         raise AssetError(obj, "it has a button or a knob, and would slide away from the hand", 'expected "fixed": true')
-    side, shade = 0.7 * radius, -z + max(_BLOCK_M + 0.04, (2.0 - 2.0 * _SHADE_SHARE) * z)
+    require_size(obj, (0.16, 0.16, 0.28))
+    side, shade = radius - _ROOM_FOR_SWITCH_M, -z + max(_BLOCK_M + 0.04, (2.0 - 2.0 * _SHADE_SHARE) * z)
     shapes = (
         box((-side, -side, -z), (side, side, -z + _BLOCK_M), _FOOT),
         cylinder(_STEM_M, -z + _BLOCK_M, shade, color=_METAL),
