@@ -23,6 +23,7 @@ from executor.sim.detectors import read
 from executor.skills.control import Monitor
 from executor.skills.navigate import adopt_first, follow_legs
 from executor.skills.session import Session, StepResult
+from executor.system.effort import NAMED
 from oag import Action
 from oag.measurements import JointMotion, Unplanned
 from oag.model.domain import own_of
@@ -147,8 +148,10 @@ def _operate(session: Session, action: Action, *, button: bool) -> StepResult:
     planned = adopt_first(session, lambda _: iter((_stances(session, operation),)))
     if not isinstance(planned, Session):
         part = f"the {operation.control.child} of {operation.target}"
-        message = f"no free path to a place from which {part} can be {'pressed' if button else 'turned'}"
-        unplanned = Unplanned(target=operation.target, stances_tried=planned)
+        met = _met_most(session)
+        often = f"; most often {next(iter(met))} meet" if met else ""
+        message = f"no free path to a place from which {part} can be {'pressed' if button else 'turned'}{often}"
+        unplanned = Unplanned(target=operation.target, stances_tried=planned, in_the_way=met or None)
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (unplanned,)))
     session, stance, journey = planned, planned.plan.stance, planned.plan.journey
     assert stance is not None and journey is not None
@@ -160,6 +163,14 @@ def _operate(session: Session, action: Action, *, button: bool) -> StepResult:
         failure = _pressed(session, operation, stance) if button else _turned(session, operation)
     session = replace(session, hand=replace(session.hand, released=_may_touch(session, operation)))
     return _judged(session, action, operation, failure)
+
+
+def _met_most(session: Session) -> dict[str, int]:
+    """Return the pairs that met most often while planning, with counts: first those with what can be moved aside."""
+    items, met = set(session.world.dynamic_ids), session.planner.effort.met
+    loose = {pair for pair in met if items & {part.partition("/")[0] for part in pair.split(" and ")}}
+    ranked = sorted(met, key=lambda pair: (pair not in loose, -met[pair]))
+    return {pair: met[pair] for pair in ranked[:NAMED]}
 
 
 def _operation(session: Session, action: Action, *, button: bool) -> Operation | str:

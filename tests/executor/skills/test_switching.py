@@ -11,6 +11,7 @@ import oag
 from executor import feasible, rollout
 from executor.cli.app import run
 from executor.records import Rollout
+from executor.scenes.file import complete_scene
 from tests.executor.appliances import CONTROLS, KINDS, appliance
 
 pytestmark = pytest.mark.physics
@@ -66,6 +67,26 @@ def test_what_no_hand_gets_at_is_told_before_anything_moves() -> None:
     found = feasible(oag.compose(made.task, scene=scene), scene, 0)
     assert not found
     assert "the knob of oven_0 can be turned" in str(found.reason)
+
+
+def test_what_stands_before_a_button_is_moved_aside() -> None:
+    counter = {"category": "countertop", "position": [1.0, 0.0], "bbox_extent": [0.65, 1.2, 0.85]}
+    microwave = {"category": "microwave", "on": "counter_0", "at": [0.08, 0.0], "parameters": {"control": "button"}}
+    objects = {
+        "counter_0": counter,
+        "microwave_0": microwave,
+        "bottle_0": {"category": "bottle", "on": "counter_0", "at": [-0.22, -0.19]},
+        "mug_0": {"category": "mug", "on": "counter_0", "at": [-0.20, -0.30]},
+    }
+    robot = {"position": [-0.9, 0.0], "name": "panda-lift"}
+    scene = complete_scene({"name": "cluttered", "robot": robot, "objects": objects}).scene
+    assert scene is not None
+    made = oag.plan(scene, "(toggled_on microwave_0)")
+    assert made.task is not None
+    found = feasible(oag.compose(made.task, scene=scene), scene, 0)
+    assert found and ["bottle_0" in detour.reason for detour in found.detours] == [True]
+    done = rollout(oag.compose(found.task, scene=scene), scene, 0, conditions=found.conditions(), vary=False)
+    assert done.succeeded, done.failure
 
 
 def test_a_sentence_is_run_from_the_command_line(tmp_path: Path) -> None:
