@@ -144,9 +144,9 @@ class Control(Joint):
         switched_on: Whether it is switched on at the start.
     """
 
-    grip: Handle | None = None
-    on_from: float = 0.0
-    set_to: float = 0.0
+    grip: Handle = field(kw_only=True)
+    on_from: float = field(kw_only=True)
+    set_to: float = field(kw_only=True)
     click: float = 0.0
     spring_n_m: float = 0.0
     switched_on: bool = False

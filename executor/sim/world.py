@@ -232,7 +232,7 @@ class World:
         qpos = np.asarray(positions, dtype=np.float32)
         articulation.set_qpos(qpos)
         articulation.set_qvel(np.zeros_like(qpos))
-        for joint, position in zip(self.assets[object_id].joints, qpos, strict=True):
+        for joint, position in zip(self.assets[object_id].joints, qpos, strict=True) if self._latches else ():
             if (latch := self._latches.get((object_id, joint.name))) is not None:
                 latch.put(float(position))
 

@@ -8,13 +8,13 @@ the stance on, so that nothing is in the way of the hand before it, during it an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bddl import Atom
-from executor.assets.model import Control, Handle, Vector
+from executor.assets.model import Control, Vector
 from executor.geometry import Array, heading_of, transform
 from executor.planning.collision import Allowed, fingers_may_touch
 from executor.planning.stances import HandGoal, Stance, search_stances
@@ -68,17 +68,17 @@ class Operation:
     @property
     def outward(self) -> Array:
         """(3,) unit vector in the world, out of the face."""
-        return self._turned(self._grip.outward)
+        return self._turned(self.control.grip.outward)
 
     @property
     def grip_m(self) -> Array:
         """(3,) in the world: the middle of the face, or of the bar."""
-        return self.T_world_link[:3, :3] @ np.asarray(self._grip.position_m) + self.T_world_link[:3, 3]
+        return self._turned(self.control.grip.position_m) + self.T_world_link[:3, 3]
 
     @property
     def along(self) -> Array:
         """(3,) unit vector in the world along the bar."""
-        return self._turned(self._grip.axis)
+        return self._turned(self.control.grip.axis)
 
     @property
     def link(self) -> str:
@@ -88,12 +88,7 @@ class Operation:
     @property
     def bar_m(self) -> float:
         """How thick the bar is."""
-        return self._grip.thickness_m
-
-    @property
-    def _grip(self) -> Handle:
-        assert self.control.grip is not None
-        return self.control.grip
+        return self.control.grip.thickness_m
 
     def _turned(self, vector: Vector) -> Array:
         return np.asarray(self.T_world_link[:3, :3] @ np.asarray(vector))
@@ -109,7 +104,7 @@ class ForceLimit(Monitor):
     """
 
     link: str = ""
-    reached: Failure | None = field(default=None)
+    reached: Failure | None = None
 
     def check(self) -> Failure | None:
         """Return why the motion has to stop now, or None."""
@@ -154,7 +149,8 @@ def _operate(session: Session, action: Action, *, button: bool) -> StepResult:
         unplanned = Unplanned(target=operation.target, stances_tried=planned, in_the_way=met or None)
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (unplanned,)))
     session, stance, journey = planned, planned.plan.stance, planned.plan.journey
-    assert stance is not None and journey is not None
+    if stance is None or journey is None:
+        raise RuntimeError("a stance must be planned before it is driven to")
     failure = follow_legs(session, journey.legs)
     if failure is None:
         path = np.concatenate([session.q[None], stance.approach])
@@ -177,6 +173,9 @@ def _operation(session: Session, action: Action, *, button: bool) -> Operation |
     """Return what an action asks for, or why it cannot be done to its target."""
     own, world, target = own_of(action.primitive), session.believed, session.subtask.target
     found = [one for one in world.assets[target].controls if one.is_button is button]
+    holds = session.hand.held or session.hand.gripped
+    if holds is not None:
+        return f"the hand holds {holds}"
     if own is None or not found:
         return f"{target} has no {'button' if button else 'knob'}"
     control, names = found[0], own.names(target, session.subtask.support_goal)
