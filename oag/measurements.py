@@ -291,6 +291,7 @@ class AtomMeasured(Measurement):
         beyond_its_furniture_m, nearest_room: `inroom`.
         tilted_deg: Of what was put down: how far it leans from upright, or from how it stood at first.
         lifted_m: Of what was picked up: how far its lowest point is above where that was.
+        control, pressed_m, turned_deg: `toggled_on`: the button or knob, and how far it is pressed or turned.
     """
 
     reason: str | None = None
@@ -314,6 +315,9 @@ class AtomMeasured(Measurement):
     nearest_room: str | None = None
     tilted_deg: float | None = None
     lifted_m: float | None = None
+    control: str | None = None
+    pressed_m: float | None = None
+    turned_deg: float | None = None
     undecided: bool | None = None
 
 

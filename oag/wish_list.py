@@ -24,10 +24,13 @@ from oag.sizes import TO_THE_AIM, Gripper, Sizing, has_finger_room
 from oag.task_definition import Task, required_scene
 from oag.verify.verify import Verdict, verify
 
-WishKind = Literal["open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty"]
+WishKind = Literal[
+    "open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty",
+    "switch-on", "switch-off",
+]  # fmt: skip
 """`pick` takes what stands on something, `take-out` what is inside something; `put-into` and `put-onto` put one item
 at furniture, `fill` into an item, `stack` onto an item; `all` puts all items of a category at furniture, and `empty`
-all that is in or on a thing at other furniture."""
+all that is in or on a thing at other furniture. What has a button or a knob is switched on and off."""
 KINDS: tuple[WishKind, ...] = get_args(WishKind)
 _MOST_TOGETHER = 6  # More things at once make plans of dozens of subtasks.
 Relation = Literal["inside", "ontop"]
@@ -186,6 +189,8 @@ class _Listing:
             yield from self._kinds()
         elif kind == "empty":
             yield from self._places_emptied()
+        elif kind in ("switch-on", "switch-off"):
+            yield from self._switchings(kind)
         else:
             yield from self._placings(kind)
 
@@ -195,6 +200,17 @@ class _Listing:
             atom = bddl.Atom("open", (door,))
             if self.start.value(("open", door)) is not wanted:
                 yield self._wish(kind, (door,), (atom if wanted else bddl.Not(atom),), f"{kind} {{0}}")
+
+    def _switchings(self, kind: Literal["switch-on", "switch-off"]) -> Iterator[Wish]:
+        wanted = kind == "switch-on"
+        for key in self.scene.objects:
+            if self.start.value(("toggled_on", key)) is (not wanted) and self._has_control(key):
+                atom = bddl.Atom("toggled_on", (key,))
+                goal = (atom if wanted else bddl.Not(atom),)
+                yield self._wish(kind, (key,), goal, f"{kind.replace('-', ' ')} {{0}}")
+
+    def _has_control(self, key: str) -> bool:
+        return any(self.start.value((predicate, key)) is True for predicate in ("has_button", "has_knob"))
 
     def _picks(self, kind: Literal["pick", "take-out"]) -> Iterator[Wish]:
         for item in self.items:

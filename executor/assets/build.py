@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from bddl.files import write_atomically
 from executor.assets.asset_geometry import cylinder_orientation, quaternion_x_to_axis
-from executor.assets.model import Asset, Joint, Link, Quaternion, Shape, Vector
+from executor.assets.model import Asset, Control, Joint, Link, Quaternion, Shape, Vector
 from executor.geometry import Array, pose_vector
 from executor.system.extras import load_sapien
 from executor.system.files import cache_dir, content_key
@@ -227,6 +227,9 @@ def _vertex_normals(points: Array, faces: NDArray[np.int64]) -> Array:
 BRAKE = 1e5
 """Nms/rad or Ns/m up to the friction: under a push that does not move it a joint creeps by 0.3 mm/s at the most."""
 
+BUTTON_DAMPING = 8.0  # Ns/m: a button of 20 g on a spring of 400 N/m comes back without swinging.
+BUTTON_FORCE_N = 20.0  # At most, of a button's spring.
+
 
 @dataclass(frozen=True, slots=True)
 class BuiltAsset:
@@ -321,12 +324,15 @@ def _add_joint(builder: Any, joint: Joint) -> None:
 
 
 def _resist(engine_joint: Any, joint: Joint) -> None:
-    """Apply dry friction to a joint: a brake that holds it still with at most that force.
+    """Apply dry friction to a joint: a brake that holds it still with at most that force; a button has a spring.
 
     The brake is a drive to zero velocity whose force limit is the friction. The engine's own coefficient would multiply
     the load in the joint. The builder's argument for it reaches no joint in SAPIEN 3.0.3, which then ran at 0.05.
     """
     engine_joint.set_friction(0.0)
+    if isinstance(joint, Control) and joint.is_button:
+        engine_joint.set_drive_properties(joint.spring_n_m, BUTTON_DAMPING, BUTTON_FORCE_N, "force")
+        return
     engine_joint.set_drive_properties(0.0, BRAKE, joint.friction, "force")
     engine_joint.set_drive_velocity_target(0.0)
 

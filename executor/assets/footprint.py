@@ -260,7 +260,7 @@ def link_frame(obj: SceneObject, link: str, fraction: float | None = None) -> Ar
     joint = next((joint for joint in asset_for(obj).joints if joint.child == link), None)
     if joint is None:
         return T
-    return T @ joint_transform(joint, joint.position(open_fraction(obj) if fraction is None else fraction))
+    return T @ joint_transform(joint, joint.start(open_fraction(obj)) if fraction is None else joint.position(fraction))
 
 
 def region_frame(obj: SceneObject, region: Region) -> tuple[Array, Array]:

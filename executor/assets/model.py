@@ -1,4 +1,4 @@
-"""Asset data: links with shapes, joints, handles, and regions where things can be put.
+"""Asset data: links with shapes, joints, handles, controls, and regions where things can be put.
 
 The module is pure data and needs no simulator. `executor.assets.build` turns an `Asset` into SAPIEN bodies, the planner
 reads its handles and regions, and the detectors read its regions and joints. All three use the same numbers.
@@ -103,6 +103,10 @@ class Joint:
         low, high = self.limits
         return low + fraction * (high - low)
 
+    def start(self, open_fraction: float) -> float:
+        """Return the position, [rad] or [m], in a scene where its object is open by a fraction."""
+        return self.position(open_fraction)
+
 
 @dataclass(frozen=True, slots=True)
 class Handle:
@@ -122,6 +126,48 @@ class Handle:
     outward: Vector
     length_m: float
     thickness_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Control(Joint):
+    """A push button (prismatic) or a knob (revolute): a joint that switches its object on and off.
+
+    A button moves inwards. Its latch changes each time that it is pressed past `click`: it then rests at `set_to`, or
+    at 0 again. A knob stays where it is turned to.
+
+    Attributes:
+        grip: What the hand acts on: a button's face, or the bar across a knob. Its joint is this one.
+        on_from: Position, [rad] or [m], from which on the object is switched on.
+        set_to: Position of a button that is latched, or to which a knob is turned.
+        click: Position past which a button's latch changes; 0 for a knob.
+        spring_n_m: Stiffness [N/m] that moves a button to where it rests.
+        switched_on: Whether it is switched on at the start.
+    """
+
+    grip: Handle = field(kw_only=True)
+    on_from: float = field(kw_only=True)
+    set_to: float = field(kw_only=True)
+    click: float = 0.0
+    spring_n_m: float = 0.0
+    switched_on: bool = False
+
+    @property
+    def opens(self) -> bool:
+        """Nothing opens by it."""
+        return False
+
+    @property
+    def is_button(self) -> bool:
+        """Whether it is pressed, and not turned."""
+        return self.kind == "prismatic"
+
+    def is_on(self, position: float) -> bool:
+        """Return whether a position, [rad] or [m], is that of an object that is switched on."""
+        return position >= self.on_from
+
+    def start(self, open_fraction: float) -> float:
+        """Return the position, [rad] or [m], at the start, whatever stands open."""
+        return self.set_to if self.switched_on else self.limits[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +260,16 @@ class Asset:
     grasp_point_m: Vector = (0.0, 0.0, 0.0)
     # Not in the repr, whose hash identifies imported assets.
     rim: Rim | None = field(default=None, repr=False)
+
+    @property
+    def doors(self) -> tuple[Joint, ...]:
+        """The joints of doors and drawers."""
+        return tuple(joint for joint in self.joints if not isinstance(joint, Control))
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """The buttons and knobs."""
+        return tuple(joint for joint in self.joints if isinstance(joint, Control))
 
     def joint(self, name: str) -> Joint:
         """Return a joint by its name.

@@ -97,6 +97,8 @@ def _is_there(atom: Atom, scene: Scene, before: Snapshot, after: Snapshot) -> bo
     name, arguments = atom.predicate, tuple(_owner_of(each, scene) for each in atom.args)
     if name == "open" and len(arguments) == 1:
         return after.open_fraction.get(arguments[0], 0.0) > OPEN_FRACTION
+    if name == "toggled_on" and len(arguments) == 1:
+        return after.switched_on.get(arguments[0], False)
     if len(arguments) != 2:
         return None
     item, other = arguments

@@ -44,6 +44,10 @@ class Touch:
     impulse_ns: float
 
 
+SWITCHES = ("button", "knob")
+"""Names of links that switch an appliance, and close nothing."""
+
+
 class Snapshot:
     """Where everything is in one state of a world.
 
@@ -55,7 +59,8 @@ class Snapshot:
         hulls: Owner -> (P, 3) points of each of its shapes; a robot's link is an owner of its own.
         poses: Owner -> (4, 4) pose of its root.
         middles: Free body -> its middle of mass.
-        open_fraction: Furniture -> its widest joint's share of the range.
+        open_fraction: Furniture -> its widest door's or drawer's share of the range.
+        switched_on: Appliance -> whether its button or knob is beyond the middle of its range.
         speeds: Free body -> its linear [m/s] and angular speed [rad/s].
         joint_speeds: Furniture -> its fastest joint [rad/s or m/s].
         touches: Pair of owners -> their contact; the robot is one owner here.
@@ -69,6 +74,7 @@ class Snapshot:
         self.middles: dict[str, Points] = {}
         self.poses: dict[str, Points] = {}
         self.open_fraction: dict[str, float] = {}
+        self.switched_on: dict[str, bool] = {}
         self.speeds: dict[str, tuple[float, float]] = {}
         self.joint_speeds: dict[str, float] = {}
         world.unpack(state)
@@ -89,7 +95,10 @@ class Snapshot:
             if not is_robot and articulation.dof:
                 low, high = np.asarray(articulation.qlimits).T
                 fractions = (np.asarray(articulation.qpos) - low) / (high - low)
-                self.open_fraction[articulation.name] = float(fractions.max())
+                switches = np.array([joint.child_link.name in SWITCHES for joint in articulation.active_joints])
+                self.open_fraction[articulation.name] = float(fractions[~switches].max(initial=0.0))
+                if switches.any():
+                    self.switched_on[articulation.name] = bool(fractions[switches].max() > 0.5)
         self.robot_links = frozenset(link.name for link in world.robot.links)
         self.touches = _touches(system)
 
@@ -100,7 +109,7 @@ class Snapshot:
         if root:
             self.root_hulls[owner] = points
             self.poses[owner] = T
-        elif points and "prismatic" in str(body.joint.type):
+        elif points and "prismatic" in str(body.joint.type) and body.name not in SWITCHES:
             self.drawers.setdefault(owner, []).append((T, np.concatenate(points)))
         if isinstance(body, sapien.physx.PhysxRigidDynamicComponent):
             self.middles[owner] = (body.entity.pose * body.cmass_local_pose).p

@@ -168,7 +168,7 @@ class OutcomeWatch:
         return self._kind == "open" or bool(read(Atom("inside", (self._target, GRIPPER)), self._world).value)
 
     def _open(self) -> float:
-        joints = self._world.assets[self._target].joints
+        joints = self._world.assets[self._target].doors
         return max(joint.fraction(self._world.joint_position(self._target, joint.name)) for joint in joints)
 
 

@@ -89,7 +89,7 @@ def handle_of(world: World, object_id: str, joint: str) -> Handle | None:
 
 def open_joints(world: World, object_id: str) -> tuple[Joint, ...]:
     """Return the joints that the detector of `open` counts as open, the widest first."""
-    fractions = {j: j.fraction(world.joint_position(object_id, j.name)) for j in world.assets[object_id].joints}
+    fractions = {j: j.fraction(world.joint_position(object_id, j.name)) for j in world.assets[object_id].doors}
     found = [joint for joint, fraction in fractions.items() if fraction > OPEN_FRACTION]
     return tuple(sorted(found, key=lambda joint: -fractions[joint]))
 

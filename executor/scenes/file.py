@@ -29,6 +29,8 @@ from executor.scenes.models import NoDefaultSize, complete_object, implausible_o
 from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
+    SWITCHED,
+    control_states,
     derive_support_relations,
     door_states,
     fallen_solids,
@@ -157,6 +159,7 @@ class _SceneCompletion:
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
         # (support, region, number of the choice) -> width that found no place there; wider items are skipped.
         self._refused_width_m: dict[tuple[str, str, int], float] = {}
+        self._controls: tuple[bddl.Formula, ...] = ()
         self._stated: list[bddl.Atom] = []  # From `on` and `in` of entries with a whole position.
 
     def place_all(self) -> None:
@@ -191,6 +194,9 @@ class _SceneCompletion:
             SceneError: A fact or `closed` is malformed.
         """
         objects = {key: self._room.objects[key] for key in self._form.objects if key in self._room.objects}
+        self._controls = tuple(control_states(objects.values()))
+        if self._controls and self._domain.built_in:
+            self._domain = Domain.appliances()
         facts, closed = self._facts(objects)
         robot = self._robot(objects)
         objects = self._with_floor(objects, robot)
@@ -356,7 +362,8 @@ class _SceneCompletion:
         known = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
         stated_by_entries = tuple(atom for atom in self._stated if atom not in known and atom.args[1] not in self._lost)
         given = self._form.closed
-        here = frozenset(predicate for predicate in CLOSED if has_predicate(self._domain, predicate))
+        usual = CLOSED | SWITCHED if self._controls else CLOSED
+        here = frozenset(predicate for predicate in usual if has_predicate(self._domain, predicate))
         closed = here if given is None else read_closed(given, self._document.source, self._domain)
         return (*facts, *self._in_domain(stated_by_entries)), closed
 
@@ -366,6 +373,7 @@ class _SceneCompletion:
         found: list[bddl.Formula] = [
             *derive_support_relations(upright_solids(objects), fallen_solids(objects).values()),
             *door_states(objects.values()),
+            *self._controls,
         ]
         return self._in_domain(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
 

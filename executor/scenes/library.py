@@ -107,9 +107,9 @@ def described_in(scene: Scene, domain: Domain) -> Scene:
 
 
 def has_predicate(domain: Domain, name: str) -> bool:
-    """Decide whether a domain has a predicate of the built-in one, with as many arguments."""
-    own, built_in = domain.predicates.get(name), BUILT_IN.predicates[name]
-    return own is not None and len(own.parameters) == len(built_in.parameters)
+    """Decide whether a domain has a predicate that geometry decides, with as many arguments."""
+    own, usual = domain.predicates.get(name), Domain.appliances().predicates[name]
+    return own is not None and len(own.parameters) == len(usual.parameters)
 
 
 def file_of(name_or_path: str | Path) -> Path | None:

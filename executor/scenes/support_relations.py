@@ -161,3 +161,16 @@ def door_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
         if obj.kind is Kind.ARTICULATED:
             state = bddl.Atom("open", (obj.id,))
             yield state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state)
+
+
+SWITCHED = frozenset({"has_button", "has_knob", "toggled_on"})
+"""Predicates of appliances that geometry decides."""
+
+
+def control_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
+    """Yield, of every object with a button or a knob, which of them it has, and whether it is switched on."""
+    for obj in objects:
+        for control in asset_for(obj).controls if obj.kind is not Kind.ITEM else ():
+            yield bddl.Atom("has_button" if control.is_button else "has_knob", (obj.id,))
+            state = bddl.Atom("toggled_on", (obj.id,))
+            yield state if control.switched_on else bddl.Not(state)

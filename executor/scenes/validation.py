@@ -414,7 +414,7 @@ def _check_overlaps(scene: Scene, world: World) -> None:
 def _check_doors(scene: Scene, world: World) -> None:
     """Open each door and drawer alone and check for other furniture in its way."""
     for object_id in world.articulated_ids:
-        for joint in world.assets[object_id].joints:
+        for joint in world.assets[object_id].doors:
             start = world.joint_position(object_id, joint.name)
             for position in np.linspace(*_swing(joint), _SWING_STEPS):
                 world.set_joint_position(object_id, joint.name, float(position))
@@ -461,7 +461,7 @@ def _settled(scene: Scene, world: World) -> Scene:
         w, i, j, k = (float(part) for part in np.asarray(quaternion) / np.linalg.norm(quaternion))
         objects[name] = replace(before, position=(x, y, z), orientation=(w, i, j, k))
     for name in world.articulated_ids:
-        for joint in world.assets[name].joints:
+        for joint in world.assets[name].doors:
             opened = joint.fraction(world.joint_position(name, joint.name)) - open_fraction(scene.objects[name])
             if abs(opened) > _AJAR:
                 problem = f"does not stay as it is: its {joint.child} moved by {100 * abs(opened):.0f} % of its range"

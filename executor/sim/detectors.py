@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import permutations
 from types import MappingProxyType
 
@@ -116,10 +117,10 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
 
 def _open(world: World, object_id: str) -> AtomReading:
     asset = world.assets.get(object_id)
-    if asset is None or not asset.joints:
-        # An object without a joint is not open; of what is no object nothing is known.
+    if asset is None or not asset.doors:
+        # An object without a door is not open; of what is no object nothing is known.
         return AtomReading(None if asset is None else False, AtomMeasured(reason=f"{object_id} has no joint"))
-    fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.joints}
+    fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.doors}
     widest = max(fractions, key=lambda name: fractions[name])
     position, turns = world.joint_position(object_id, widest), asset.joint(widest).kind == "revolute"
     measured = AtomMeasured(
@@ -129,6 +130,26 @@ def _open(world: World, object_id: str) -> AtomReading:
         opening_m=None if turns else position,
     )
     return AtomReading(fractions[widest] > OPEN_FRACTION, measured)
+
+
+def _toggled_on(world: World, object_id: str) -> AtomReading:
+    asset = world.assets.get(object_id)
+    if asset is None or not asset.controls:
+        reason = f"{object_id} has neither a button nor a knob"
+        return AtomReading(None if asset is None else False, AtomMeasured(reason=reason))
+    control = asset.controls[0]
+    position = world.joint_position(object_id, control.name)
+    measured = AtomMeasured(
+        control=control.name,
+        turned_deg=None if control.is_button else float(np.degrees(position)),
+        pressed_m=position if control.is_button else None,
+    )
+    return AtomReading(control.is_on(position), measured)
+
+
+def _has_control(world: World, object_id: str, *, button: bool) -> AtomReading:
+    asset = world.assets.get(object_id)
+    return AtomReading(None if asset is None else any(one.is_button is button for one in asset.controls))
 
 
 def _inside(world: World, object_id: str, container: str) -> AtomReading:
@@ -261,11 +282,14 @@ def true_atoms(world: World, predicates: Iterable[str]) -> tuple[Atom, ...]:
 
 DETECTORS: Mapping[str, Callable[..., AtomReading]] = MappingProxyType(
     {
+        "has_button": partial(_has_control, button=True),
+        "has_knob": partial(_has_control, button=False),
         "inroom": _inroom,
         "inside": _inside,
         "nextto": _nextto,
         "ontop": _ontop,
         "open": _open,
+        "toggled_on": _toggled_on,
         "touching": _touching,
         "under": _under,
     }

@@ -36,6 +36,7 @@ from executor.sim.engine import (
     pairs_nearer,
     pose_matrix,
 )
+from executor.sim.latches import latches_of
 from executor.sim.robot.description import BASE_LINK, load_robot
 from executor.system.extras import load_sapien
 from oag import Scene, SceneObject
@@ -96,6 +97,10 @@ class World:
             for name in self.articulated_ids
             if not oracle and any(joint.gasket for joint in self.assets[name].joints)
         ]
+        moving = [(name, self._articulation(name)) for name in self.articulated_ids if not oracle]
+        self._latches = latches_of(moving, self.assets)
+        for (name, joint), latch in self._latches.items():
+            latch.put(self.joint_position(name, joint))
         self._pulls: dict[Any, tuple[bytes, bytes]] = {}  # Of objects with gaskets: last position, and applied force.
         self._start_robot()
 
@@ -124,6 +129,8 @@ class World:
             self._pulls[articulation] = at, pull
         self._system.step()
         self.steps += 1
+        for latch in self._latches.values():
+            latch.update()
 
     def close(self) -> None:
         """Release the simulator's objects; the world cannot be used afterwards.
@@ -132,7 +139,7 @@ class World:
         """
         self._owner_of = {}
         self._built = {}
-        self._gaskets, self._pulls = [], {}
+        self._gaskets, self._pulls, self._latches = [], {}, {}
         self.robot = None
         self._system = None
         self.sapien_scene = None
@@ -156,6 +163,8 @@ class World:
             )
         self._system.unpack(state)
         self._pulls.clear()
+        for latch in self._latches.values():
+            latch.forget()
 
     def bodies_by_number(self) -> dict[int, BodyRef]:
         """Return the body of each number in a segmentation."""
@@ -223,6 +232,9 @@ class World:
         qpos = np.asarray(positions, dtype=np.float32)
         articulation.set_qpos(qpos)
         articulation.set_qvel(np.zeros_like(qpos))
+        for joint, position in zip(self.assets[object_id].joints, qpos, strict=True) if self._latches else ():
+            if (latch := self._latches.get((object_id, joint.name))) is not None:
+                latch.put(float(position))
 
     def hold(self, object_id: str, *, still: bool) -> None:
         """Set whether a dynamic object stays where it is put, whatever touches it.
@@ -292,7 +304,7 @@ class World:
         self._owner_of.update({body: BodyRef(name, link) for link, body in built.bodies.items()})
         if built.articulation is not None:
             fraction = number(obj, "open_fraction", 0.0, 0.0, 1.0)
-            built.articulation.set_qpos([joint.position(fraction) for joint in asset.joints])
+            built.articulation.set_qpos([joint.start(fraction) for joint in asset.joints])
 
     def _start_robot(self) -> None:
         """Put the robot at the scene's pose, arm at home, gripper open, drives holding it there."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from llm.offline.grounding import Grounding
 from llm.offline.intents import Front, Intent, IntentKind, Refusal, Surroundings, alternatives
-from llm.offline.reader import Command, NounPhrase, Reading
+from llm.offline.reader import SWITCHINGS, Command, CommandKind, NounPhrase, Reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,12 @@ class Discourse:
             return can.door if front is None else can.opens_by(front)
 
         return self.latest(phrase, fits)
+
+    def referent(self, phrase: NounPhrase, kind: CommandKind) -> tuple[str, ...]:
+        """Resolve a pronoun that names what a command is about: something to open, to switch, or to move."""
+        if kind in SWITCHINGS:
+            return self.latest(phrase, lambda key: self.around.control(key) is not None)
+        return self.door(phrase) if kind in ("open", "close") else self.item(phrase)
 
     def latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
         """Resolve a pronoun to the fitting objects of the last command, or else to those of all before it.

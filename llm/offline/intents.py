@@ -28,12 +28,24 @@ _MOST_NAMED = 6
 
 
 class IntentKind(Enum):
-    """Kinds of intents that a simple or compound task of the library can fulfil."""
+    """Kinds of intents that a simple or compound task can fulfil, the last two in the domain of appliances."""
 
     OPEN = "open"
     CLOSE = "close"
     PICK = "pick up"
     PLACE = "put"
+    SWITCH_ON = "switch on"
+    SWITCH_OFF = "switch off"
+
+    @property
+    def moves_an_item(self) -> bool:
+        """True for picking up and putting."""
+        return self in (IntentKind.PICK, IntentKind.PLACE)
+
+    @property
+    def is_a_switching(self) -> bool:
+        """True for what a button or a knob does."""
+        return self in (IntentKind.SWITCH_ON, IntentKind.SWITCH_OFF)
 
     @property
     def is_about_a_door(self) -> bool:
@@ -62,6 +74,8 @@ class Intent:
         """State after the intent is fulfilled, in words such as "glass_0 is in the hand"."""
         if self.kind.is_about_a_door:
             return f"{self.target} is {'open' if self.kind is IntentKind.OPEN else 'closed'}"
+        if self.kind.is_a_switching:
+            return f"{self.target} is {'on' if self.kind is IntentKind.SWITCH_ON else 'off'}"
         if self.destination is None:
             return f"{self.target} is in the hand"
         return f"{self.target} is {'in' if self.relation == 'inside' else 'on'} {self.destination}"
@@ -72,6 +86,9 @@ class Intent:
         if self.kind.is_about_a_door:
             is_open = bddl.Atom("open", (self.target,))
             return is_open if self.kind is IntentKind.OPEN else bddl.Not(is_open)
+        if self.kind.is_a_switching:
+            is_on = bddl.Atom("toggled_on", (self.target,))
+            return is_on if self.kind is IntentKind.SWITCH_ON else bddl.Not(is_on)
         if self.relation is None or self.destination is None:
             return bddl.Atom("inside", (self.target, "gripper"))
         return bddl.Atom(self.relation, (self.target, self.destination))
@@ -152,7 +169,8 @@ def order_for_one_hand(request: Request) -> Request:
         closed = [intent for intent in between if intent.kind is IntentKind.CLOSE]
         # Other objects picked up in between are placed in turn; a second pick of this one is a repetition.
         picked = [i for i in between if i.kind is IntentKind.PICK and i.target != intents[index].target]
-        intents[index : stop + 1] = [*opened, intents[stop], *closed, *picked]
+        switched = [intent for intent in between if intent.kind.is_a_switching]
+        intents[index : stop + 1] = [*opened, intents[stop], *closed, *switched, *picked]
     return merge_repeated(intents)
 
 
@@ -235,6 +253,10 @@ def no_action(near: Sequence[str] = ()) -> Refusal:
         f"and puts them into or onto others{meant}",
     )
 
+
+# What switches an appliance.
+ControlPart = Literal["button", "knob"]
+CONTROL_PARTS: tuple[ControlPart, ...] = get_args(ControlPart)
 
 # Kinds of closures of an opening.
 Front = Literal["door", "drawer"]
@@ -383,6 +405,15 @@ class Surroundings:
         """Decide whether an object is open at the start, by its shape or a fact; None where the scene does not say."""
         return self.scene.objects[object_id].model in _OPEN_SHAPES or self.value(bddl.Atom("open", (object_id,)))
 
+    def control(self, object_id: str) -> ControlPart | None:
+        """Return what switches an object: its button, its knob, or nothing."""
+        found = (part for part in CONTROL_PARTS if self.value(bddl.Atom(f"has_{part}", (object_id,))))
+        return next(found, None)
+
+    def is_on(self, object_id: str) -> bool | None:
+        """Decide whether an object is switched on at the start; None where the scene does not say."""
+        return self.value(bddl.Atom("toggled_on", (object_id,)))
+
     def supports(self, object_id: str) -> tuple[Support, ...]:
         """Return the stated supports of an object, containers first."""
         return self.standing.get(object_id, ())
@@ -416,7 +447,7 @@ class Surroundings:
         They are in the order of opening: outer containers come first, and those around the item come before those
         around its destination. There are none for opening and closing.
         """
-        if intent.kind.is_about_a_door:
+        if not intent.kind.moves_an_item:
             return ()
         around = [self.chain(intent.target), () if intent.destination is None else self.chain(intent.destination)]
         doors = [step.object_id for chain in around for step in reversed(chain) if step.relation == "inside"]
@@ -437,6 +468,9 @@ class Surroundings:
         """
         if intent.kind.is_about_a_door:
             return self.with_doors((intent.target,), intent.kind is IntentKind.OPEN)
+        if intent.kind.is_a_switching:
+            is_on = bddl.Atom("toggled_on", (intent.target,))
+            return replace(self, known={**self.known, is_on: intent.kind is IntentKind.SWITCH_ON})
         known = dict(self.known)
         for support in self.supports(intent.target):
             known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False

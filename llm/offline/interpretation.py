@@ -27,8 +27,9 @@ from llm.offline.intents import (
 )
 from llm.offline.names import is_again, singulars
 from llm.offline.placing import SPOTS, Placing, placings
-from llm.offline.reader import Command, Location, NounPhrase, Reading
+from llm.offline.reader import SWITCHINGS, Command, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
+from llm.offline.switching import switchings
 from llm.offline.words import Direction
 
 _IN_OR_ON: Mapping[Relation, str] = {"inside": "in", "ontop": "on"}
@@ -119,7 +120,7 @@ class _IntentBuilder(Placing):
 
     def _along(self, mention: Mention) -> Mention:
         """Return a mention without what moves along: the fork put into the pan, in "put both on the table"."""
-        held = {i.target: i.destination for i in self.intents if not i.kind.is_about_a_door}
+        held = {i.target: i.destination for i in self.intents if i.kind.moves_an_item}
         goals = {i.target: (i.destination, i.relation) for i in mention.intents if i.kind is IntentKind.PLACE}
         along = {key for key, goal in goals.items() if goal == goals.get(held.get(key) or "")}
         self.notes += [f"{key} moves along with {held[key]}" for key in goals if key in along]
@@ -133,9 +134,7 @@ class _IntentBuilder(Placing):
         again = {phrase.words[-1] for phrase in spoken} >= {phrase.words[-1] for phrase in command.objects}
         if not again and not any(phrase.pronoun for phrase in spoken):
             raise no_action()
-        targets = self._targets(command, None, ())
-        self.notes += [note for grounded in targets for note in grounded.notes]
-        ids = [grounded.object_id for grounded in targets]
+        ids = self._ids(command)
         fixtures = [key for key in ids if not self._is_item(key)]
         # "It" is none of several pieces of furniture.
         place = fixtures[0] if len(fixtures) == 1 else None
@@ -409,8 +408,7 @@ class _IntentBuilder(Placing):
     ) -> tuple[Grounded, ...]:
         is_door = command.kind in ("open", "close")
         if phrase.pronoun:
-            meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
-            return tuple(Grounded(key) for key in meant)
+            return tuple(map(Grounded, self.discourse.referent(phrase, command.kind)))
         if is_door and phrase.is_only_a_door and not phrase.another:
             spoken = self._door_spoken_of(phrase)
             if spoken:
@@ -551,11 +549,15 @@ class _IntentBuilder(Placing):
         relation = self._relation(command.destination, ids, place)
         return Mention(placings(ids, relation, place.object_id), cleared.object_id, True)
 
-    def _things(self, command: Command, source: Location | None = None) -> list[str]:
-        """Return the items that a command is about."""
+    def _ids(self, command: Command, source: Location | None = None) -> list[str]:
+        """Return the objects that a command is about, and keep the notes on which they are."""
         targets = self._targets(command, source, ())
         self.notes += [note for grounded in targets for note in grounded.notes]
-        ids = [grounded.object_id for grounded in targets]
+        return [grounded.object_id for grounded in targets]
+
+    def _things(self, command: Command, source: Location | None = None) -> list[str]:
+        """Return the items that a command is about."""
+        ids = self._ids(command, source)
         for key in ids:
             check_item(key, self.grounding.around)
         return ids
@@ -580,6 +582,10 @@ class _IntentBuilder(Placing):
     def _unstacked(self, command: Command) -> tuple[Intent, ...]:
         return arranging.unstacked(self._things(command), self.grounding.around)
 
+    def _switched(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents of switching things on or off, or to what they are not, where the sentence leaves it."""
+        return switchings(self._ids(command), command.kind, command.part, self.grounding.around)
+
     def _brought(self, command: Command) -> tuple[Intent, ...]:
         ids = self._things(command, self._source(command))
         intents, note = arranging.brought(ids, self.grounding)
@@ -595,4 +601,5 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
     "bring": _IntentBuilder._brought,
     "liked": _IntentBuilder._brought,
     "tidy": _IntentBuilder._tidied,
+    **dict.fromkeys(SWITCHINGS, _IntentBuilder._switched),
 }

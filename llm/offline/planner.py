@@ -40,9 +40,11 @@ from llm.offline.subtasks import (
     problem,
     scale_factors,
 )
+from llm.offline.switching import with_switchings
 from llm.offline.words import TaggedWord, read_words
 from llm.proposing.proposal import Expanded, Proposal
-from oag import Scene, SimpleTask, Task, Verdict, compose
+from oag import Action, Primitive, Scene, SimpleTask, Task, Verdict, compose
+from oag.model.actions import ActionFlow
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
 from oag.wish_list import KINDS, AdmittedTask, OnRefusal, Wish, WishKind, ignore, wishes
 
@@ -62,6 +64,8 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "close": IntentKind.CLOSE,
     "pick": IntentKind.PICK,
     "take-out": IntentKind.PICK,
+    "switch-on": IntentKind.SWITCH_ON,
+    "switch-off": IntentKind.SWITCH_OFF,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
 _ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
@@ -99,7 +103,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     words, features = grounding.names.without_features(words)
     tokens = grounding.names.with_own_nouns(words)
     try:
-        request, trusted = _of_known_words(tokens, grounding)
+        request, trusted = _of_known_words(with_switchings(tokens, around), grounding)
     except Refusal as refusal:
         # Different readings are plans already, even if part of them is fulfilled.
         readable = refusal.code == "ambiguous-reading"
@@ -336,7 +340,7 @@ def _assumed(intent: Intent, state: Surroundings, opened: Collection[str]) -> li
     destination = intent.destination if intent.relation == "inside" else None
     if destination is not None and destination not in (*doors, *opened) and state.affordances[destination].door:
         notes.append(f"{destination} is open and is left as it was found")
-    cargo = () if intent.kind.is_about_a_door else state.cargo(intent.target)
+    cargo = state.cargo(intent.target) if intent.kind.moves_an_item else ()
     if cargo:
         stand, move = ("stands", "moves") if len(cargo) == 1 else ("stand", "move")
         notes.append(f"{enumeration(cargo)} {stand} in or on {intent.target} and {move} along with it")
@@ -409,9 +413,16 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         support_goal=None if step.end is None else step.end.object_id,
         init=init,
         goal=goal,
-        flow=step.flow(around.scene),
+        flow=_switching_flow(step, around) if step.kind.is_a_switching else step.flow(around.scene),
         where=step.where,
     )
+
+
+def _switching_flow(step: PlainTask, around: Surroundings) -> ActionFlow | None:
+    """Return the flow that switches a thing by its button or its knob; None where the domain has no such primitive."""
+    verb = "PRESS" if around.control(step.target) == "button" else "TURN"
+    own = around.scene.domain.primitive(f"{verb}_{'ON' if step.kind is IntentKind.SWITCH_ON else 'OFF'}")
+    return None if own is None else (Action(own), Action(Primitive.RETREAT))
 
 
 def _stem(object_id: str) -> str:
@@ -454,6 +465,10 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
         )
         way = f"drive to it, take hold of its handle and {moves}, then let go and withdraw the hand."
         return f"{does} {target}: {way}"
+    if step.kind.is_a_switching:
+        part = around.control(target)
+        how = "press it through its travel" if part == "button" else "take hold of it, turn it, and let go"
+        return f"{step.kind.value.capitalize()} {target}: drive to its {part}, {how}, then withdraw the hand."
     if end is None:
         clear = "lift it and back out with it" if start is not None and start.relation == "inside" else "lift it clear"
         place = "" if start is None else f" {_from(start)}"
@@ -493,6 +508,8 @@ def _from(support: Support) -> str:
 def _action(step: PlainTask) -> str:
     if step.kind.is_about_a_door:
         return f"{step.kind.value}s {step.target} by its handle"
+    if step.kind.is_a_switching:
+        return f"{step.kind.value.replace('switch', 'switches')} {step.target}"
     if step.end is None:
         return f"picks up {step.target}" + ("" if step.start is None else f" {_from(step.start)}")
     return f"puts {step.target} {PREPOSITION[step.end.relation]} {step.end.object_id} and lets go of it"

@@ -14,13 +14,15 @@ from typing import Any, Literal
 
 from llm.offline.intents import Front
 from llm.offline.lexicon import Lexicon, built_in
+from llm.offline.switching import PART_OF
 from llm.offline.words import PREPOSITIONS, Direction, TaggedWord, read_words
 from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "liked", "tidy", "toss", "find", "away",
+    "liked", "tidy", "toss", "find", "away", "switch_on", "switch_off", "operate",
 ]  # fmt: skip
+SWITCHINGS: tuple[CommandKind, ...] = ("switch_on", "switch_off", "operate")
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
     {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST"}
 )
@@ -148,6 +150,7 @@ class Command:
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
         stays: Whether its objects stay as they are, as in "but leave the mug on the table".
         carried: Whether it has the verb of the command before it, as in "put the mug here and the cup there".
+        part: "button" or "knob", where the sentence says what is pressed or turned.
     """
 
     kind: CommandKind
@@ -157,6 +160,7 @@ class Command:
     verbless: bool = False
     stays: bool = False
     carried: bool = False
+    part: str = ""
 
     def __str__(self) -> str:
         verbs = {
@@ -171,6 +175,9 @@ class Command:
             "toss": "throw ",
             "find": "find ",
             "nest": "put into each other ",
+            "switch_on": "switch on ",
+            "switch_off": "switch off ",
+            "operate": f"operate the {self.part} of " if self.part else "operate ",
         }
         verb = verbs.get(self.kind, f"{self.kind} ")
         verb = "" if self.verbless else verb
@@ -287,6 +294,9 @@ def _command(tree: Any) -> Command:
         there = objects[0].location or destination
         kind, objects, destination = "away", (replace(objects[0], location=there),), None
     spoken = {child.type for child in tree.children if not _is_tree(child)}
+    if kind in SWITCHINGS:
+        part = next((PART_OF[str(child)] for child in tree.children if str(child) in PART_OF), "")
+        return Command(kind, objects, part=part)
     if kind == "clear" and "EMPTY" in spoken and not objects[0].everything:
         objects = (_contents(objects[0]),)
     if kind == "toss" and destination is None and not _only_from(objects):

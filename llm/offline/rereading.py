@@ -80,7 +80,7 @@ def _optional(meaning: Meaning) -> _Literals:
     refrigerator. A requested closing is not optional.
     """
     intents, around = meaning.request.intents, meaning.around
-    moves = (intent for intent in intents if not intent.kind.is_about_a_door)
+    moves = (intent for intent in intents if intent.kind.moves_an_item)
     on_the_way = {door for intent in moves for door in around.doors_in_the_way(intent)}
     closed = {intent.target for intent in intents if intent.kind is IntentKind.CLOSE}
     doors = {bddl.format(bddl.Atom("open", (door,))) for door in on_the_way - closed}

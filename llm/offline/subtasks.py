@@ -32,7 +32,7 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
         Refusal: One of the intents is infeasible in its turn, or all are fulfilled already.
     """
     for intent in request.intents:
-        if not intent.kind.is_about_a_door:
+        if intent.kind.moves_an_item:
             check_item(intent.target, around)
     state = around
     idle: list[Intent] = []
@@ -75,7 +75,10 @@ def _check_parts(request: Request) -> None:
 def check(intent: Intent, around: Surroundings) -> None:
     """Raise the Refusal of an intent that no plan of the library can fulfil, or that is fulfilled."""
     target = intent.target
-    if not intent.kind.is_about_a_door:
+    if intent.kind.is_a_switching:
+        _check_control(intent, around)
+        return
+    if intent.kind.moves_an_item:
         check_item(target, around)
         _check_standing(target, around)
         if intent.kind is IntentKind.PLACE:
@@ -87,6 +90,14 @@ def check(intent: Intent, around: Surroundings) -> None:
     if around.is_open(target) is (intent.kind is IntentKind.OPEN):
         raise _so_already(intent)
     _check_free_hand(around, f"to {intent.kind.value} {target}")
+
+
+def _check_control(intent: Intent, around: Surroundings) -> None:
+    if around.control(intent.target) is None:
+        raise _lacks(intent.target, "neither a button nor a knob", around)
+    if around.is_on(intent.target) is (intent.kind is IntentKind.SWITCH_ON):
+        raise _so_already(intent)
+    _check_free_hand(around, f"to {intent.kind.value} {intent.target}")
 
 
 def check_item(target: str, around: Surroundings) -> None:
@@ -239,7 +250,7 @@ class PlainTask:
     """A simple task before it has formulas: action, target, source, destination.
 
     Attributes:
-        kind: One of the four kinds of simple tasks.
+        kind: One of the four kinds of simple tasks, or of the two of appliances.
         target: Id of the object it acts on (o_t).
         start: For PICK, where the target stands (o_s1 and its relation).
         end: For PLACE, where the target shall stand (o_s2 and its relation).
@@ -259,6 +270,9 @@ class PlainTask:
             return bddl.Not(is_open), is_open
         if self.kind is IntentKind.CLOSE:
             return is_open, bddl.Not(is_open)
+        if self.kind.is_a_switching:
+            is_on = bddl.Atom("toggled_on", (self.target,))
+            return (bddl.Not(is_on), is_on) if self.kind is IntentKind.SWITCH_ON else (is_on, bddl.Not(is_on))
         place = self.start if self.kind is IntentKind.PICK else self.end
         if place is None:
             raise ValueError(f"a simple task that moves {self.target} needs the place it starts from or ends at")
@@ -293,7 +307,7 @@ def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
             opened.remove(intent.target)
         if state.fulfils(intent):
             continue
-        if intent.kind.is_about_a_door:
+        if not intent.kind.moves_an_item:
             steps.append(PlainTask(intent.kind, intent.target, where=intent.where))
         else:
             doors = state.doors_in_the_way(intent)
@@ -338,7 +352,7 @@ def _needed(later: Sequence[Intent], state: Surroundings, opened: Sequence[str])
 
 
 def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
-    """Return the task goal G: final places of objects and states of doors.
+    """Return the task goal G: final places of objects, states of doors, and what is switched on or off.
 
     A later intent about the same object's place, or the same door, replaces an earlier one. A door that a placing
     needs open and that no intent opened is closed again. After a final pick the hand is not free to close a door, so
@@ -346,10 +360,13 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
     """
     places: dict[str, bddl.Formula] = {}
     doors: dict[str, bddl.Formula] = {}
+    switches: dict[str, bddl.Formula] = {}
     state = around
     for intent in request.intents:
         if intent.kind.is_about_a_door:
             doors[intent.target] = intent.wish
+        elif intent.kind.is_a_switching:
+            switches[intent.target] = intent.wish
         else:
             places.pop(intent.target, None)
             places[intent.target] = intent.wish
@@ -358,7 +375,7 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
                 if intent.kind is IntentKind.PLACE:
                     doors[door] = bddl.Not(bddl.Atom("open", (door,)))
         state = state.after(intent)
-    wanted = (*places.values(), *doors.values())
+    wanted = (*places.values(), *doors.values(), *switches.values())
     return wanted[0] if len(wanted) == 1 else bddl.And(wanted)
 
 
@@ -397,7 +414,7 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
 
 def _of_size(request: Request, around: Surroundings) -> Refusal | None:
     """Return the refusal of the first thing that no hand here can take, so that no other place is of use for it."""
-    lifted = (intent.target for intent in request.intents if not intent.kind.is_about_a_door)
+    lifted = (intent.target for intent in request.intents if intent.kind.moves_an_item)
     unfit = (_unfit(target, around.scene, around.sizing) for target in lifted)
     return next((Refusal("too-large", why) for why in unfit if why is not None), None)
 

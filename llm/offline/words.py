@@ -34,7 +34,7 @@ _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", 
 _ARTICLES = ("DETERMINER", "A")
 _TWICE = (("DETERMINER", "A"), ("A", "DETERMINER"), ("A", "TWO"))
 _ONWARD = frozenset({"TO", "INTO", "ONTO"})
-_ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
+ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
             tokens[index + 1] = TaggedWord("TWO", "two")
     apart: list[int] = []
     for index, (one, after) in enumerate(pairwise(tokens)):
-        opens = index == 0 or tokens[index - 1].terminal in _ENDS
+        opens = index == 0 or tokens[index - 1].terminal in ENDS
         if one.terminal in ("WORD", "DOOR") and after.terminal == "PUT":
             following = tokens[index + 2].terminal if index + 2 < len(tokens) else ""
             if following in ("PRONOUN", "THEM"):
@@ -137,7 +137,7 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
     return tuple(
         one
         for one, after in pairs
-        if (one.terminal != "TOO" or after.terminal in _ENDS) and (one.terminal, after.terminal) != repeated
+        if (one.terminal != "TOO" or after.terminal in ENDS) and (one.terminal, after.terminal) != repeated
     )
 
 
@@ -158,16 +158,16 @@ def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon
     if phrase in lexicon.which and before and before[-1].terminal == "DETERMINER":
         # "The first glass".
         return "WORD"
-    opens = all(token.terminal in _ENDS for token in before)
-    ends = not following or _PUNCTUATION.get(following, lexicon.terminals.get(following)) in _ENDS
-    only = not any(token.terminal in _ENDS for token in before) or _is_one_wish(before)
+    opens = all(token.terminal in ENDS for token in before)
+    ends = not following or _PUNCTUATION.get(following, lexicon.terminals.get(following)) in ENDS
+    only = not any(token.terminal in ENDS for token in before) or _is_one_wish(before)
     return "THEN" if opens or (ends and only) else "LIMIT"
 
 
 def _is_one_wish(tokens: Sequence[TaggedWord]) -> bool:
     """Decide whether words are one wish of several things: "put the mug and the cup into the bowl"."""
     verbs = sum(token.terminal in _VERBS_AS_NOUNS and token.terminal != "DRIVE" for token in tokens)
-    joins = [index for index, token in enumerate(tokens) if token.terminal in _ENDS]
+    joins = [index for index, token in enumerate(tokens) if token.terminal in ENDS]
     places = [index for index, token in enumerate(tokens) if token.terminal in PREPOSITIONS]
     listing = all(tokens[index].terminal in ("AND", "COMMA") for index in joins)
     return verbs == 1 and listing and len(places) == 1 and joins[-1] < places[0]

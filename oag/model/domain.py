@@ -16,8 +16,9 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from importlib import import_module
+from importlib.resources import as_file, files
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -316,6 +317,11 @@ class Domain:
         except RecursionError:
             raise DomainError("is nested too deeply", source=source) from None
 
+    @classmethod
+    def appliances(cls) -> Domain:
+        """Return the domain of scenes with a button or a knob: the 21 primitives, and one to press and to turn each."""
+        return _appliances()
+
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal domain."""
         words = {kind: word for word, kind in KINDS.items()}
@@ -464,6 +470,12 @@ def dialect(name: str, predicates: Mapping[str, bddl.PredicateSpec]) -> bddl.Pro
     """Return the dialect of formulas in some predicates."""
     profile = bddl.PROFILES["scene"]
     return replace(profile, name=f"{profile.name} of the domain {name}", predicates=predicates)
+
+
+@cache
+def _appliances() -> Domain:
+    with as_file(files(__package__).joinpath("appliances.toml")) as path:
+        return Domain.from_toml(path)
 
 
 BUILT_IN = Domain("household")

@@ -23,6 +23,7 @@ from executor.assets.families.casework import (
     slab,
     top_of,
 )
+from executor.assets.families.controls import CONTROL, with_control
 from executor.assets.families.shapes import Color, box
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape, Vector
 from executor.assets.parameters import AssetError, NumericParameter, number, require_size
@@ -35,7 +36,7 @@ _LIGHT, _RACK, _KNOB = (0.10, 0.35, 0.30), (0.42, 0.43, 0.45), (0.30, 0.31, 0.33
 
 
 def microwave(obj: SceneObject) -> Asset:
-    """Return a microwave oven: its door is hinged on the left, its buttons are on the right."""
+    """Return a microwave oven: its door is hinged on the left, its display and its button or knob are on the right."""
     extent = require_size(obj, (0.35, 0.40, 0.22))
     case = Case(
         extent_m=extent,
@@ -60,11 +61,13 @@ def microwave(obj: SceneObject) -> Asset:
     ]
     asset = assemble(case, obj.category, "microwave.n.02", extra=extra)
     inside = tuple(region for region in asset.regions if region.joint is not None)
-    return replace(asset, regions=(*inside, top_of(case)))
+    # Beside an upright handle the hand is upright, too.
+    at_m, across = (outer, (edge - y) / 2, z0 + 0.4 * (z1 - z0)), (0.0, 0.0, 1.0)
+    return with_control(obj, replace(asset, regions=(*inside, top_of(case))), at_m, (-1.0, 0.0, 0.0), across)
 
 
 def oven(obj: SceneObject) -> Asset:
-    """Return a cooker: an oven whose door folds down, knobs above it, four plates on top."""
+    """Return a cooker: an oven whose door folds down, four fixed knobs above it, four plates on top."""
     extent = require_size(obj, (0.50, 0.45, 0.70))
     case = _folding(obj, extent, base_m=0.14, top_m=0.13, front=_STEEL, window=_BLACK)
     (x0, x1), top, y, high = case.x, case.z[1], extent[1] / 2, extent[2] / 2
@@ -74,10 +77,13 @@ def oven(obj: SceneObject) -> Asset:
         box((panel_x, -y, top), (x1, y, high - 0.012), _STEEL),
         box((panel_x + 0.004, -y + 0.004, high - 0.012), (x1 - 0.004, y - 0.004, high), _BLACK),
     ]
-    for index in range(4):
-        middle, z = y * (index - 1.5) / 2.2, (top + high) / 2
+    z = (top + high) / 2
+    middles = [y * (index - 1.5) / 2.2 for index in range(4)]
+    # One that is a joint stands in the place of the last fixed one, which is the rightmost for who faces it.
+    for middle in middles if CONTROL.read(obj) == "none" else middles[1:]:
         extra.append(box((panel_x - 0.020, middle - 0.018, z - 0.018), (panel_x, middle + 0.018, z + 0.018), _KNOB))
-    return assemble(case, obj.category, "oven.n.01", extra=extra, surfaces=[top_of(case)])
+    asset = assemble(case, obj.category, "oven.n.01", extra=extra, surfaces=[top_of(case)])
+    return with_control(obj, asset, (panel_x, middles[0], z), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 def dishwasher(obj: SceneObject) -> Asset:

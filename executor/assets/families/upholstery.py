@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+from executor.assets.families.controls import CONTROL, with_control
 from executor.assets.families.furniture import bed
 from executor.assets.families.shapes import box, cylinder, fixture, round_item, surface
 from executor.assets.model import Asset
-from executor.assets.parameters import SAME_AS_WIDTH, ModelEntry, Range, require_size
+from executor.assets.parameters import SAME_AS_WIDTH, AssetError, ModelEntry, Range, require_size
 from oag import SceneObject
 from oag.model.symbols import Kind
 
@@ -18,6 +19,7 @@ _ARM_M, _BACK_M, _SEAT_M, _ARM_HEIGHT_M = 0.12, 0.16, 0.42, 0.60
 _FEET_M, _FOOT_M = 0.06, 0.05
 _BASE_M, _STEM_M, _SHADE_SHARE, _BASE_SHARE = 0.02, 0.012, 0.45, 0.6
 _LAMP_KG_M3 = 300.0
+_BLOCK_M, _SWITCH_M, _ROOM_FOR_SWITCH_M = 0.12, 0.075, 0.04
 
 
 def armchair(obj: SceneObject) -> Asset:
@@ -50,6 +52,8 @@ def lamp(obj: SceneObject) -> Asset:
     """Return a lamp: a shade on a stem, on a round base. One hand does not close around the shade."""
     length, width, height = require_size(obj, (0.10, 0.10, 0.20))
     radius, z = min(length, width) / 2, height / 2
+    if CONTROL.read(obj) != "none":
+        return _switched_lamp(obj, radius, z)
     shade = -z + (1.0 - _SHADE_SHARE) * height if obj.kind is Kind.ITEM else z - min(_SHADE_SHARE * height, 0.35)
     shapes = (
         cylinder(_BASE_SHARE * radius, -z, -z + _BASE_M, color=_METAL, density_kg_m3=4 * _LAMP_KG_M3),
@@ -60,6 +64,21 @@ def lamp(obj: SceneObject) -> Asset:
         return round_item(obj, "lamp", shapes, radius, height, "lamp.n.02", closes_around=False)
     side = radius / math.sqrt(2.0)
     return fixture(obj, "lamp", shapes, (2 * radius, 2 * radius, height), "lamp.n.02", surface("lamp", side, side, z))
+
+
+def _switched_lamp(obj: SceneObject, radius: float, z: float) -> Asset:
+    """Return a lamp with a button or knob at the front of the block that it stands on."""
+    if obj.kind is Kind.ITEM:
+        raise AssetError(obj, "it has a button or a knob, and would slide away from the hand", 'expected "fixed": true')
+    require_size(obj, (0.16, 0.16, 0.28))
+    side, shade = radius - _ROOM_FOR_SWITCH_M, -z + max(_BLOCK_M + 0.04, (2.0 - 2.0 * _SHADE_SHARE) * z)
+    shapes = (
+        box((-side, -side, -z), (side, side, -z + _BLOCK_M), _FOOT),
+        cylinder(_STEM_M, -z + _BLOCK_M, shade, color=_METAL),
+        cylinder(radius, shade, z, color=_SHADE),
+    )
+    asset = fixture(obj, "lamp", shapes, (2 * radius, 2 * radius, 2 * z), "lamp.n.02")
+    return with_control(obj, asset, (-side, 0.0, -z + _SWITCH_M), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 MODELS = (

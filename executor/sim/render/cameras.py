@@ -122,7 +122,7 @@ def joints_at_start(thing: SceneObject, asset: Asset | None = None) -> list[floa
         asset: Its asset, where it is built already.
     """
     fraction = number(thing, "open_fraction", 0.0, 0.0, 1.0)
-    return [joint.position(fraction) for joint in (asset or asset_for(thing)).joints]
+    return [joint.start(fraction) for joint in (asset or asset_for(thing)).joints]
 
 
 def link_frames(asset: Asset, joints: ArrayLike | Sequence[float]) -> dict[str, Array]:

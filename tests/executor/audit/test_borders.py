@@ -9,12 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 import bddl
+from executor.assets.families.controls import KNOB_RANGE_RAD
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.audit.decision import decide
 from executor.audit.geometry import Snapshot
 from executor.sim.world import World
 from oag.model.where import Side, Where
+from tests.executor.appliances import appliance
 from tests.executor.helpers import at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics
@@ -40,6 +42,16 @@ def value(world: World, goal: str, before: Snapshot | None = None) -> bool | Non
 def table_with_can() -> World:
     can: Thing = CAN | UPRIGHT | {"position": [1.0, 0.0, TOP_M + 0.0505]}
     return World(scene_of({"table_0": TABLE | UPRIGHT, "can_0": can}))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.45, 0.6, 1.0])
+def test_switched_on_from_half_of_a_knob_s_range_on_and_no_door_is_open_by_it(share: float) -> None:
+    with World(appliance("oven", "knob", 0)) as world:
+        world.set_joint_position("oven_0", "knob_hinge", share * KNOB_RANGE_RAD)
+        settle(world, 0.2)
+        assert value(world, "(toggled_on oven_0)") is (share > 0.5)
+        assert value(world, "(open oven_0)") is False
+        assert value(world, "(toggled_on floor)") is False
 
 
 @pytest.mark.parametrize("beyond_m", [-0.1, -0.02, 0.02, 0.1])
