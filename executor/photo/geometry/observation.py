@@ -287,7 +287,10 @@ def floor_below(
     if small := _small_floor(found, lowest, things):
         return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
     carrier = _carrier(found, things)
-    if carrier is None and (lowest.height_m >= _DESK_M or _stands_furniture(found, lowest, things)):
+    is_floor = (
+        lowest.height_m >= _DESK_M or _stands_furniture(found, lowest, things) or _is_walled(found, lowest, things)
+    )
+    if carrier is None and is_floor:
         return _floor(found.up, lowest, "plane fitted to the depth")
     named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))
     assumed = f"assumed: {top_m:.2f} m below the top of the {named}, which is {lowest.height_m:.2f} m below the camera"
@@ -362,6 +365,16 @@ def _stands_furniture(found: LevelPlanes, lowest: LevelPlane, things: Sequence[D
     names = (one.category or "" for one in things)
     standing = any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names if name not in _TOPS)
     return standing and found.deepest_m < lowest.height_m + _NOTHING_BELOW_M
+
+
+def _is_walled(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detection]) -> bool:
+    """Return whether a plane near below the camera is the floor: it ends at a wall, and a person boxed no table.
+
+    Of 43 real depths with boxes that people drew, one has no box of what its things stand on, and that is a floor.
+    A network may miss a table.
+    """
+    is_drawn = bool(things) and all(one.provenance == "person" and one.category not in _TOPS for one in things)
+    return is_drawn and found.is_walled and found.deepest_m < lowest.height_m + _NOTHING_BELOW_M
 
 
 def _usual_top_m(thing: Detection) -> float:
