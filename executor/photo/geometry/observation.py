@@ -46,6 +46,13 @@ class Noise:
 TYPICAL = Noise(0.002, 0.0018)
 """Of structured-light and stereo cameras for rooms; assumed until the floor has been measured."""
 
+_STRIP, _LEAST_PX, _ASIDE = (
+    0.1,
+    2.0,
+    0.2,
+)  # Of a box's height, above its lower end; of its width, left out at each side.
+_LOW_PERCENTILE = 25.0  # Of the heights there: what is seen of the thing itself is higher.
+_LEAST_MEASURED = 6
 _NEARER_M = 0.08
 _NEAREST_M = 0.05  # Before the camera.
 
@@ -112,6 +119,18 @@ class Observation:
         """(H, W) depth of the floor, infinite above the horizon."""
         down = -self.rays[..., 2]
         return np.where(down > 1e-6, self.eye_m[2] / np.maximum(down, 1e-6), np.inf)
+
+    def foot_m(self, box_px: tuple[float, float, float, float]) -> Array | None:
+        """Return (3,) the point where a box ends; None where hardly anything is measured there."""
+        x0, y0, x1, y1 = box_px
+        first = max(0, int(y1 - max(_LEAST_PX, _STRIP * (y1 - y0))))
+        left = int(x0 + _ASIDE * (x1 - x0))
+        window = np.s_[first : int(y1) + 1, left : max(left + 1, int(x1 - _ASIDE * (x1 - x0)))]
+        points = self.points_m[window][self.measured[window]]
+        if len(points) < _LEAST_MEASURED:
+            return None
+        x, y, _ = np.median(points, axis=0)
+        return np.array([x, y, np.percentile(points[:, 2], _LOW_PERCENTILE)])
 
     def pixels(self, points_m: Array) -> Array:
         """Return (N, 2) the pixels of points (N, 3) of the level frame; nan behind the camera."""

