@@ -191,7 +191,8 @@ class RoomEstimate:
         fits: index of a detection -> its fit.
         lost: index -> why it has no fit.
         scale_share: Relative uncertainty of the picture's scale, without depth.
-        feet_m: index of furniture -> (N, 3) where things on it touch its top, as far as that is measured.
+        feet_m: index of furniture -> (N, 3) where things on it touch its top, where they hide that.
+        seemingly_on: With depth, what each box seems to be on by the picture: another one, FLOOR or WALL.
     """
 
     def __init__(
@@ -201,9 +202,10 @@ class RoomEstimate:
         detections: Sequence[Detection],
         scale_share: float,
         feet_m: Mapping[int, Array] = MappingProxyType({}),
+        seemingly_on: Sequence[int] = (),
     ) -> None:
         self.observation, self.detections, self.scale_share = observation, tuple(detections), scale_share
-        self.feet_m = feet_m
+        self.feet_m, self.seemingly_on = feet_m, seemingly_on
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
         self._layers = Layers(observation, walls)
@@ -331,12 +333,31 @@ class RoomEstimate:
                 return [min(given, key=lambda one: abs(one - low_m))]
             found = heights_under(points, tops, self.observation.foot_m(detection.box_px))
             is_known = found[0] == 0.0 or any(round(top.height_m, 4) == found[0] for top in tops)
+            if not is_known and (seen := self.top_below_m(detection, low_m)) is not None:
+                return [seen]
             # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
             middle = np.median(points, axis=0)
             over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
             below = [round(top.height_m, 4) for top in over if low_m < top.height_m < middle[2]]
             return found if is_known or not below else [max(below)]
         return []
+
+    def top_below_m(self, detection: Detection, low_m: float) -> float | None:
+        """Return the height of the furniture's top on which a box seems to end, if the thing ends at that height too.
+
+        What hangs over the edge of a bench is beside its top, and its depth is that of its front.
+
+        Args:
+            detection: The thing.
+            low_m: The height of its lower end.
+        """
+        index = next((one for one, other in enumerate(self.detections) if other is detection), -1)
+        below = self.seemingly_on[index] if 0 <= index < len(self.seemingly_on) else FLOOR
+        if below not in self.fits or not is_piece(self.detections[below]):
+            return None
+        tops = [round(top.height_m, 4) for top in tops_of([self.fits[below].guess])]
+        near = [height for height in tops if abs(height - low_m) < NEAR_TOP_M]
+        return min(near, key=lambda height: abs(height - low_m), default=None)
 
     def _ends_on(self, detection: Detection, index: int) -> bool:
         """Return whether a box ends where another thing is in the picture; furniture may be hidden below it."""

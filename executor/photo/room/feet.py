@@ -22,14 +22,19 @@ _LEAST = 3  # Things on a top that hide it: the support of one alone may be take
 _LEVEL_M, _SEEN = 0.03, 0.1  # Of a top's pixels from its height; share of furniture's own that shows its top.
 
 
-def feet_on_furniture(view: Observation, things: Sequence[Detection]) -> dict[int, Array]:
-    """Return by piece of furniture (N, 3) the points of its top where the boxes of things on it end.
+def seemingly_on(view: Observation, things: Sequence[Detection]) -> list[int]:
+    """Return what each thing seems to be on by its box alone, as in a picture without depth."""
+    return supports_of(replace(view, z_m=np.zeros_like(view.z_m)), things)
+
+
+def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequence[int]) -> dict[int, Array]:
+    """Return by piece of furniture (N, 3) the points of its top where the boxes of things on it end, if they hide it.
 
     Args:
         view: The picture, with depth.
         things: The boxes.
+        on: What each of them seems to be on.
     """
-    on = supports_of(replace(view, z_m=np.zeros_like(view.z_m)), things)
     found: dict[int, Array] = {}
     for index in {below for below in on if below >= 0 and is_piece(things[below])}:
         feet = [view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index]

@@ -17,7 +17,7 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.feet import feet_on_furniture
+from executor.photo.room.feet import feet_on_furniture, seemingly_on
 from executor.photo.room.fitter import RoomFitter
 
 _PATTERN, _SHADE, _MORE = 0.05, 0.3, 2.0
@@ -151,8 +151,9 @@ class _Reconstruction:
         kept: Mapping[int, Fit],
         on_progress: Callable[[str], None],
     ) -> None:
-        feet_m = feet_on_furniture(observation, detections) if observation.has_depth else {}
-        self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m)
+        on = seemingly_on(observation, detections) if observation.has_depth else []
+        feet_m = feet_on_furniture(observation, detections, on)
+        self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on)
         self._on_progress, self._found = on_progress, dict(kept)
         self._room = self._new()
         for index, fit in kept.items():
