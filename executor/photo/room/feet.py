@@ -13,9 +13,10 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.photo.geometry.observation import Observation
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Detection, plain_name
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import is_piece
+from oag.model.symbols import has_boards
 
 _ALIKE_M = 0.06  # Between the heights of things on one top.
 _LEAST = 3  # Things on a top that hide it: the support of one alone may be taken for another.
@@ -36,7 +37,10 @@ def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequen
         on: What each of them seems to be on.
     """
     found: dict[int, Array] = {}
-    for index in {below for below in on if below >= 0 and is_piece(things[below])}:
+    for index in sorted({below for below in on if below >= 0 and is_piece(things[below])}):
+        # What has boards has many tops.
+        if has_boards(things[index].category or plain_name(things[index].label) or ""):
+            continue
         feet = [view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index]
         known = np.array([foot for foot in feet if foot is not None]).reshape(-1, 3)
         alike = np.abs(known[:, 2] - np.median(known[:, 2])) < _ALIKE_M if len(known) else np.zeros(0, dtype=bool)
