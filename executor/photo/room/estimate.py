@@ -115,8 +115,8 @@ def heights_under(points: Array, tops: Iterable[Top], foot_m: Array | None = Non
     low = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
     ends = [at] if foot_m is None else [at, foot_m[:2]]
-    near = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M]
-    under = [top for top in near if any(top.is_near(end) for end in ends)]
+    level = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M]
+    under = [top for top in level if any(top.is_near(end) for end in ends)]
     heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
     # What is over an item, or a board on a top, is in it or on it, and not below.
     loose = [top for top in under if is_item(top.of) or top.of.bottom_m > 0.0]
