@@ -389,7 +389,7 @@ def _stands_furniture(found: LevelPlanes, lowest: LevelPlane, things: Sequence[D
 def _is_walled(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detection]) -> bool:
     """Return whether a plane near below the camera is the floor: it ends at a wall, and a person boxed no table.
 
-    Of 43 real depths with boxes that people drew, one has no box of what its things stand on, and that is a floor.
+    Of 43 real depths with boxes that people drew, one would get a table without a box, and that is a floor.
     A network may miss a table.
     """
     is_drawn = bool(things) and all(one.provenance == "person" and one.category not in _TOPS for one in things)

@@ -1,7 +1,7 @@
 """Where things touch the furniture that they seem to be on: evidence of a top that they hide.
 
-What is on a desk mostly covers it, so that the sensor sees legs, and what is below. Where the boxes of things end, it
-measures the top: in ten real pictures that is within 2 cm of it for nine of ten things.
+Where things cover a desk, the sensor sees its legs and what is below. Where their boxes end, it measures the top, in
+real pictures mostly within 2 cm. Of 26 real pictures with three things on a piece, two show less than a tenth of a top.
 """
 
 from __future__ import annotations
