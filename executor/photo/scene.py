@@ -23,6 +23,7 @@ from executor.photo.overlaps import CLEARANCE_M, SAME_HEIGHT_M, resolve_overlaps
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.photo.yielding import YIELDS, clear_walls, yielding
 from executor.scenes.file import complete_scene
+from executor.scenes.placement import robot_has_room
 from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.robots import DEFAULT_ROBOT
@@ -31,6 +32,7 @@ from oag.model.scene import about_z
 _WALL_M, _THINNEST_M = 0.08, 0.02  # Objects behind a low wall may stand against it.
 _NEARER_M = 0.02  # Error of a wall's distance, if an object behind it leaves no room.
 _ACROSS, _CORNER_M = 0.9, 0.3  # Walls meet about square; tolerance of ends behind a face.
+_START_STEP_M, _START_MOST_M = 0.1, 1.5  # Behind the camera, as far as the robot may start.
 _DIGITS = 4
 _BEHIND_CLEARANCE_M = 0.001
 _LEAST_SHARE = 0.02  # Of what is visible of a thing: less is an edge.
@@ -74,7 +76,7 @@ def scene_of(found: FittedRoom, name: str) -> tuple[FittedRoom, MadeScene]:
             return room, made
         thing = next((one for one in room.things if one.id == made.culprit), None)
         walls = () if thing is None or made.scene is None else clear_walls(made.scene, room.walls)
-        if walls != room.walls:
+        if len(walls) < len(room.walls):
             # A wall is a plane among points; what has a box is a fact.
             room = replace(room, walls=walls)
         elif thing is None or made.scene is None or first.scene is None:
@@ -112,8 +114,9 @@ def made_of(
     """
     hung = {thing.id for thing in found.things if thing.fit.hangs}
     guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung, fitted)
+    labels = [thing.detection.label for thing in found.things]
     names = {
-        thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]))
+        thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]), labels)
         for thing in found.things
     }
     colours = {thing.id: thing.colours for thing in found.things}
@@ -176,7 +179,17 @@ def scene_json(
         key = f"wall_{number}"
         ended = replace(wall, span_m=_ends_m(wall, [one for one in walls if one is not wall]))
         things[key] = _entry(_wall(ended, key, _back_m(wall, footprints)))
-    return {"name": name, "robot": {"name": DEFAULT_ROBOT.name}, "objects": things}
+    robot: dict[str, object] = {"name": DEFAULT_ROBOT.name}
+    if (back_m := _back_m_of_start(footprints)) is not None:
+        robot |= {"position": [-back_m, 0.0, 0.0], "yaw": 0.0}
+    return {"name": name, "robot": robot, "objects": things}
+
+
+def _back_m_of_start(footprints: Sequence[Footprint]) -> float | None:
+    """Return how far behind the camera the robot starts, with its view: people say "left" and "behind" of a picture."""
+    taken = {str(index): one for index, one in enumerate(footprints)}
+    steps = (_START_STEP_M * step for step in range(round(_START_MOST_M / _START_STEP_M) + 1))
+    return next((back_m for back_m in steps if robot_has_room(-back_m, 0.0, 0.0, taken)), None)
 
 
 def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:
@@ -190,7 +203,7 @@ def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[st
         **{thing.id: _origin(thing, made) for thing in found.things},
         **{f"wall_{number}": {"position": "plane fitted to the depth"} for number, _ in enumerate(found.walls)},
         "floor": f"{floor_source}; it is the height 0",
-        "robot": "free floor near the camera",
+        "robot": "free floor behind the camera, or near it",
         "facts": "geometry",
     }
 

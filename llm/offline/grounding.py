@@ -11,6 +11,7 @@ from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
 from llm.offline.reader import REFERENCE_DIRECTIONS, Location, NounPhrase
 from llm.offline.viewpoint import (
+    ASIDE,
     COLORS,
     LEVELS,
     SIZES,
@@ -351,15 +352,17 @@ class Grounding:
         return _on_trust(tuple(word for word in named.descriptions if not is_stated(word)), ids)
 
     def _placed(self, phrase: NounPhrase, *, named_only: bool) -> Named | None:
-        """Return the piece of furniture that "the third drawer" or "the top cabinet" names by where it stands."""
+        """Return what "the third drawer", "the top cabinet" or "the front bowl" names by where it stands."""
         which = self.names.which(phrase.words)
         words = tuple(word for word in phrase.words if word not in which)
         if len(which) != 1 or not words:
             return None
         named = self.names.described(words)
         things = [self.around.scene.objects[key] for key in named.ids]
-        if not things or any(thing.role == "B" for thing in things):
+        if not things:
             return None
+        if any(thing.role == "B" for thing in things):
+            return self._in_front(named, phrase, which[0])
         if len(things) == 1:
             # "The top drawer" of one, like "the left drawer"; of a thing with boards, "top" is one of these.
             if not named_only and has_boards(things[0].category) and phrase.side is None:
@@ -373,6 +376,16 @@ class Grounding:
         key, counted = found
         note = f'{key} is taken for "{" ".join(phrase.words)}", counted {counted}'
         return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
+
+    def _in_front(self, named: Named, phrase: NounPhrase, word: str) -> Named | None:
+        """Return the nearest or farthest of several things, for "the front bowl"; of one it is taken on trust."""
+        side = ASIDE.get(word)
+        if side is None or phrase.side is not None:
+            return None
+        if len(named.ids) == 1:
+            return replace(named, descriptions=(*named.descriptions, word))
+        ids, notes = self._narrowed(named, phrase, None)
+        return replace(named, ids=on_side(ids, side, self.around.scene), notes=(*named.notes, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
         whole = self.one(owner, fits=lambda key: self.names.may_have(key, phrase))

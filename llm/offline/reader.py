@@ -46,6 +46,8 @@ _SIDES: dict[str, Side] = {
     "TORIGHT": "right",
     "NEAREST": "nearest",
     "FARTHEST": "farthest",
+    "ONFRONT": "nearest",
+    "ONBACK": "farthest",
 }
 _TOWARDS = frozenset({"TOLEFT", "TORIGHT"})
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})

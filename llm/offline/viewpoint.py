@@ -143,6 +143,13 @@ def by_measured_color(ids: tuple[str, ...], color: str, scene: Scene) -> tuple[s
     return tuple(key for key in ids if amounts[key] >= most / _CLEARLY_MORE) if most > _LEAST_SHARE else ()
 
 
+# Words that say it before a name, as "the front bowl" does; of furniture they may name a part.
+ASIDE: dict[str, Side] = {
+    **dict.fromkeys(("front", "frontmost"), "nearest"),
+    **dict.fromkeys(("rear", "rearmost"), "farthest"),
+}
+
+
 def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
     """Return the object furthest to a side, nearest or farthest; all candidates if they are too close to call.
 

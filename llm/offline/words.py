@@ -143,6 +143,7 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
 
 # Verbs that are nouns after an article and before "of".
 _VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "DRIVE"})
+_FAR_OR_NEAR = ("ONFRONT", "ONBACK")
 _IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
 _BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
 
@@ -180,10 +181,11 @@ def _is_named(piece: str, lexicon: Lexicon) -> bool:
 
 
 def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
-    """Decide whether a phrase about room or order is none: "the kitchen table", "at the end of the table"."""
-    if lexicon.terminals.get(phrase) == "THEN" and following == "of":
+    """Decide whether a phrase about room, order or side is none: "the kitchen table", "at the end of the table"."""
+    terminal = lexicon.terminals.get(phrase)
+    if terminal in ("THEN", *_FAR_OR_NEAR) and following == "of":
         return True
-    is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
+    is_room = terminal in ("ROOM", *_FAR_OR_NEAR) or phrase in lexicon.rooms
     return is_room and (_is_named(following, lexicon) or following == "of")
 
 

@@ -44,6 +44,7 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 3000
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 4, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _SECOND, _LAST = 160, 120  # Renderings of a search.
+_OF_FEET = 0.1  # Of the points by which starts are chosen.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and sides.
 _WALL_ROUNDS, _LEAST_HUNG_M, _OFF_WALL_M, _LEAST_SLOPE = 4, 0.01, 0.002, 0.05
@@ -72,6 +73,10 @@ def fit_thing(
     coarse = _likelihood(around, box_px, COARSE_PX)
     if not len(coarse.evidence.z_m):
         return None
+    if len(around.feet_m):
+        # Its top, which they hide, begins and ends with them.
+        often = max(1, int(_OF_FEET * len(points) / len(around.feet_m)))
+        points = np.concatenate([points, np.repeat(around.feet_m, often, axis=0)])
     if rough:
         begun = starts_of(around.near, entries, bottoms_m, points)
         likeliest = min((coarse.rated(guess, colours=False) for guess in begun), key=lambda one: one.cost, default=None)
@@ -210,7 +215,7 @@ def _likelihood(around: SearchContext, box_px: tuple[float, float, float, float]
     pixels = PixelEvidence.around(
         around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
     )
-    return Likelihood(pixels, around.near, around.scale_share, around.shows_boards)
+    return Likelihood(pixels, around.near, around.scale_share, around.shows_boards, around.feet_m)
 
 
 def _described(fine: Likelihood, best: RatedHypothesis, others: Sequence[RatedHypothesis]) -> Fit | None:

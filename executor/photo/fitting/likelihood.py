@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TypeAlias
 
@@ -52,7 +52,18 @@ AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """Furniture that mostly stands with its back to a wall."""
 
 _WITH_BACK = 20.0  # Of two slabs: few things are, and with a leaning one they imitate what is a little uneven.
+_RARE, _RARER = (
+    5.0,
+    ("generic_cylinder", "generic_slab_on_legs"),
+)  # What is thin looks like all of them; most are boxes.
 _SIDEWAYS, _COVERS = 10.0, 0.1  # Of one that is turned by a right angle; logarithm of the ratio of their lengths.
+
+NO_FEET: Array = np.zeros((0, 3))
+"""Of what carries nothing."""
+
+_FOOT_HIGH_M, _FOOT_ASIDE_M, _FOOT_MOST, FOOT_USUAL = 0.004, 0.02, 80.0, 8.0
+"""Spreads of a foot about the height of its top, and beyond that one's edge; most that it costs, since it may be
+elsewhere; what it costs at most where it is there."""
 
 CARRIED = ("microwave", "wall_cabinet")
 """Furniture that stands on furniture, or hangs."""
@@ -99,6 +110,7 @@ def prior_cost(guess: PoseHypothesis, around: Neighbourhood) -> float:
     away = entry.category in _FRONTED and facing < 0.0
     cost += _TURNED_AWAY if away else 0.0
     cost += _back_cost(guess, facing) if entry.model == WITH_BACK else 0.0
+    cost += _RARE if entry.model in _RARER else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # An open door has room to open.
@@ -148,6 +160,21 @@ def top_shares(entry: ModelEntry) -> tuple[float, float, float, float, float] | 
     (x, y, z), (half_x, half_y) = T[:3, 3], half
     length, width, height = size_m
     return float(z) / height, float(x) / length, float(y) / width, float(half_x) / length, float(half_y) / width
+
+
+def feet_cost(guess: PoseHypothesis, feet_m: Array) -> float:
+    """Return the cost of feet (N, 3) that are not on the top of a hypothesis; what has boards has many tops."""
+    shares = top_shares(guess.entry) if len(feet_m) and not has_boards(guess.entry.category) else None
+    if shares is None:
+        return 0.0
+    (length, width, height), (high, ahead, aside, half_ahead, half_aside) = guess.size_m, shares
+    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
+    x, y = feet_m[:, 0] - guess.x_m, feet_m[:, 1] - guess.y_m
+    over = np.abs(c * x + s * y - ahead * length) - half_ahead * length
+    beside = np.abs(c * y - s * x - aside * width) - half_aside * width
+    off = np.square(np.maximum(over, 0.0)) + np.square(np.maximum(beside, 0.0))
+    up = (feet_m[:, 2] - guess.bottom_m - high * height) / _FOOT_HIGH_M
+    return float(np.minimum(0.5 * (np.square(up) + off / _FOOT_ASIDE_M**2), _FOOT_MOST).sum())
 
 
 def _back_cost(guess: PoseHypothesis, facing: float) -> float:
@@ -282,12 +309,14 @@ class Likelihood:
         near: The walls and the other furniture.
         scale_share: Relative uncertainty of the picture's scale.
         shows_boards: Whether things are seen on its boards, from their open side.
+        feet_m: (N, 3) where things that are on it touch its top.
     """
 
     evidence: PixelEvidence
     near: Neighbourhood
     scale_share: float = 0.0
     shows_boards: bool = False
+    feet_m: Array = field(default_factory=lambda: NO_FEET)
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost by box and prior; infinite for an impossible hypothesis."""
@@ -298,7 +327,7 @@ class Likelihood:
             facing = guess.x_m * math.cos(guess.yaw_rad) + guess.y_m * math.sin(guess.yaw_rad)
             if facing < 0.0:
                 return math.inf
-        return cost + self.evidence.box_cost(guess)
+        return cost + self.evidence.box_cost(guess) + feet_cost(guess, self.feet_m)
 
     def cost(self, guess: PoseHypothesis, body: MeshRaycaster | None = None, *, colours: bool = True) -> float:
         """Return the cost of a hypothesis, infinite if it cannot be built.
@@ -389,6 +418,7 @@ class SearchContext:
         scale_share: Relative uncertainty of the picture's scale.
         own: (H, W) the object's own pixels, if they are known.
         shows_boards: Whether things are seen on its boards, from their open side.
+        feet_m: (N, 3) where things that are on it touch its top.
     """
 
     observation: Observation
@@ -399,6 +429,7 @@ class SearchContext:
     scale_share: float = 0.0
     own: NDArray[np.bool_] | None = None
     shows_boards: bool = False
+    feet_m: Array = field(default_factory=lambda: NO_FEET)
 
 
 def spreads_m(likelihood: Likelihood, guess: PoseHypothesis) -> tuple[float, float]:

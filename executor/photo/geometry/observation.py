@@ -46,6 +46,13 @@ class Noise:
 TYPICAL = Noise(0.002, 0.0018)
 """Of structured-light and stereo cameras for rooms; assumed until the floor has been measured."""
 
+_STRIP, _LEAST_PX, _ASIDE = (
+    0.1,
+    2.0,
+    0.2,
+)  # Of a box's height, above its lower end; of its width, left out at each side.
+_LOW_PERCENTILE = 25.0  # Of the heights there: what is seen of the thing itself is higher.
+_LEAST_MEASURED = 6
 _NEARER_M = 0.08
 _NEAREST_M = 0.05  # Before the camera.
 
@@ -112,6 +119,18 @@ class Observation:
         """(H, W) depth of the floor, infinite above the horizon."""
         down = -self.rays[..., 2]
         return np.where(down > 1e-6, self.eye_m[2] / np.maximum(down, 1e-6), np.inf)
+
+    def foot_m(self, box_px: tuple[float, float, float, float]) -> Array | None:
+        """Return (3,) the point where a box ends; None where hardly anything is measured there."""
+        x0, y0, x1, y1 = box_px
+        first = max(0, int(y1 - max(_LEAST_PX, _STRIP * (y1 - y0))))
+        left = int(x0 + _ASIDE * (x1 - x0))
+        window = np.s_[first : int(y1) + 1, left : max(left + 1, int(x1 - _ASIDE * (x1 - x0)))]
+        points = self.points_m[window][self.measured[window]]
+        if len(points) < _LEAST_MEASURED:
+            return None
+        x, y, _ = np.median(points, axis=0)
+        return np.array([x, y, np.percentile(points[:, 2], _LOW_PERCENTILE)])
 
     def pixels(self, points_m: Array) -> Array:
         """Return (N, 2) the pixels of points (N, 3) of the level frame; nan behind the camera."""
@@ -287,7 +306,10 @@ def floor_below(
     if small := _small_floor(found, lowest, things):
         return _floor(found.up, small, "plane fitted to the depth, a small part of the floor")
     carrier = _carrier(found, things)
-    if carrier is None and (lowest.height_m >= _DESK_M or _stands_furniture(found, lowest, things)):
+    is_floor = (
+        lowest.height_m >= _DESK_M or _stands_furniture(found, lowest, things) or _is_walled(found, lowest, things)
+    )
+    if carrier is None and is_floor:
         return _floor(found.up, lowest, "plane fitted to the depth")
     named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))
     assumed = f"assumed: {top_m:.2f} m below the top of the {named}, which is {lowest.height_m:.2f} m below the camera"
@@ -362,6 +384,16 @@ def _stands_furniture(found: LevelPlanes, lowest: LevelPlane, things: Sequence[D
     names = (one.category or "" for one in things)
     standing = any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names if name not in _TOPS)
     return standing and found.deepest_m < lowest.height_m + _NOTHING_BELOW_M
+
+
+def _is_walled(found: LevelPlanes, lowest: LevelPlane, things: Sequence[Detection]) -> bool:
+    """Return whether a plane near below the camera is the floor: it ends at a wall, and a person boxed no table.
+
+    Of 43 real depths with boxes that people drew, one would get a table without a box, and that is a floor.
+    A network may miss a table.
+    """
+    is_drawn = bool(things) and all(one.provenance == "person" and one.category not in _TOPS for one in things)
+    return is_drawn and found.is_walled and found.deepest_m < lowest.height_m + _NOTHING_BELOW_M
 
 
 def _usual_top_m(thing: Detection) -> float:

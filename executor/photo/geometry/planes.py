@@ -34,6 +34,8 @@ _ASIDE = math.sin(math.radians(75.0))  # A second direction is about square to t
 _GIVEN_RAD = math.radians(12.0)  # Between a given vertical and that of the depth.
 _LEVEL_RAD = (math.radians(7.0), math.radians(15.0))  # Error of a neighbourhood's direction, and if noise is strong.
 _OF_TOP, _CARRIED = 0.6, 2  # Share of a table's own cells that its top has; boxes in that of the table.
+_BEHIND_M = 0.02  # A front: what is on a piece of furniture is behind that, and before the top that it is on.
+_ACROSS = 0.9  # Of the picture's width, that a wall behind a floor has.
 _OF_EACH_WALL, _OF_WALLS = 0.05, 0.5  # Shares of all cells: upright ones of one direction, and of both.
 _LEAST_CELLS, _LEAST_OF_PLANE, _LARGE_M2 = 50, (50, 20), 0.1
 _BIN_M, _APART_M, _MOST = 0.01, 0.12, 6  # Heights are counted in bins; planes nearer to each other are one.
@@ -73,11 +75,13 @@ class LevelPlanes:
         up: (3,) vertical in the camera's frame.
         planes: The lowest first.
         deepest_m: How far below the camera the lowest hundredth of what was measured begins.
+        is_walled: Whether an upright plane ends the lowest one across the picture.
     """
 
     up: Array
     planes: tuple[LevelPlane, ...]
     deepest_m: float = math.inf
+    is_walled: bool = False
 
     @property
     def area_m2(self) -> float:
@@ -164,7 +168,36 @@ def level_planes(depth: Depth, camera: Intrinsics, about: Array | None = None) -
         found = _refined(depth.z_m, rays, found, [one.height_m for one in planes])
         planes = _planes(cells, found)
     deepest_m = float(np.percentile(-(cells.points_m @ found), 99.0))
-    return LevelPlanes(found, tuple(planes), deepest_m) if planes else None
+    if not planes:
+        return None
+    is_walled = _is_walled(cells, frame, planes[0].height_m, depth.z_m.shape[1])
+    return LevelPlanes(found, tuple(planes), deepest_m, is_walled)
+
+
+def _is_walled(cells: _Cells, frame: Array, below_m: float, width_px: int) -> bool:
+    """Return whether an upright plane ends a level one across the picture: it goes down to that, with nothing behind.
+
+    Args:
+        cells: The picture's.
+        frame: (3, 3) the square directions, the first of them upwards.
+        below_m: How far below the camera the level plane is.
+        width_px: Of the picture.
+    """
+    for side in (*frame[1:], *-frame[1:]):
+        faces = cells.normals @ side > math.cos(_LEVEL_RAD[1])
+        if faces.sum() < _LEAST_CELLS:
+            continue
+        # The camera is at the origin, and normals are towards it.
+        off_m = cells.points_m @ side
+        counts, edges = np.histogram(off_m[faces], np.arange(-_FARTHEST_M, 0.0, _BIN_M))
+        wall_m = edges[int(gaussian_filter1d(counts.astype(float), 2.0).argmax())] + _BIN_M / 2
+        on = faces & (np.abs(off_m - wall_m) < _APART_M / 2)
+        across = np.ptp(cells.pixels[on, 0]) if on.any() else 0.0
+        foot_m = float(np.percentile(-(cells.points_m[on] @ frame[0]), 99.0)) if on.any() else 0.0
+        behind = float((off_m < wall_m - _APART_M).mean())
+        if across > _ACROSS * width_px and below_m - foot_m < _APART_M and behind < _LEAST_PLANE:
+            return True
+    return False
 
 
 def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px: Sequence[Box]) -> LevelPlanes | None:
@@ -200,7 +233,8 @@ def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px:
 def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
     """Return (3,) the direction of a table's top that is seen from above, however the camera is turned; None if unsure.
 
-    The top is the one plane of most of what the table's box shows besides other boxes, and several of these are on it.
+    The top is the one plane of most of what the table's box shows besides other boxes, and several of these are on it:
+    none of what they show is behind that plane.
 
     Args:
         depth, camera: The input.
@@ -208,7 +242,8 @@ def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Se
         others_px: Boxes of other things.
     """
     x0, y0, x1, y1 = table_px
-    if sum(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in others_px) < _CARRIED:
+    carried = [box for box in others_px if x0 <= box[0] and y0 <= box[1] and box[2] <= x1 and box[3] <= y1]
+    if len(carried) < _CARRIED:
         return None
     cells = _Cells.of(depth.z_m, camera.rays((depth.z_m.shape[1], depth.z_m.shape[0])), camera)
     own = _in_box(cells.pixels, table_px)
@@ -218,8 +253,15 @@ def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Se
     if len(normals) < _LEAST_CELLS:
         return None
     some = normals[np.linspace(0, len(normals) - 1, min(_CANDIDATES, len(normals))).astype(int)]
-    alike = (some @ normals.T > math.cos(_LEVEL_RAD[0])).mean(axis=1)
-    return np.asarray(some[int(alike.argmax())]) if alike.max() >= _OF_TOP else None
+    alike = some @ normals.T > math.cos(_LEVEL_RAD[0])
+    best = int(alike.mean(axis=1).argmax())
+    if alike[best].mean() < _OF_TOP:
+        return None
+    top = some[best]
+    top_m = float(np.median(cells.points_m[own][alike[best]] @ top))
+    over = [cells.points_m[_in_box(cells.pixels, box)] @ top - top_m for box in carried]
+    standing = sum(len(one) > 0 and float(np.median(one)) > -_BEHIND_M for one in over)
+    return np.asarray(top) if standing >= max(_CARRIED, len(carried) / 2) else None
 
 
 def _in_box(pixels: Array, box_px: Box) -> NDArray[np.bool_]:

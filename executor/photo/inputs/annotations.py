@@ -13,7 +13,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -80,15 +80,16 @@ class Detection:
         x0, y0, x1, y1 = self.box_px
         return (x1 - x0) * (y1 - y0)
 
-    def name_as(self, entry: ModelEntry, smaller_side_m: float = 0.0) -> str:
+    def name_as(self, entry: ModelEntry, smaller_side_m: float = 0.0, labels: Iterable[str] = ()) -> str:
         """Return the category in a scene if it is fitted by a model: the label, if that is more specific.
 
         It is so unless the lexicon has it as another name of the category: a dresser is no cabinet for a query, and a
-        wine glass no water glass.
+        wine glass no water glass. Of a book and a notebook in one picture, each keeps its own name.
 
         Args:
             entry: The model; a generic shape has no name of its own.
             smaller_side_m: Of the fit, which decides the kind of a category that is not known.
+            labels: Those of the whole picture.
         """
         label = plain_name(self.label)
         if label is None:
@@ -100,7 +101,9 @@ class Detection:
         names = () if own is None or known is not own else own.names
         # A wine glass is called a glass too, and says more than that.
         says_more = any(" ".join(words[start:]) in names for start in range(1, len(words)))
-        is_synonym = " ".join(words) in names and not says_more
+        others = {plain_name(one) for one in labels} - {label, None}
+        tells_apart = known is not None and any(built_in().category_of(one) is known for one in others if one)
+        is_synonym = " ".join(words) in names and not says_more and not tells_apart
         if not is_synonym and kind_of(label, smaller_side_m) is kind_of(entry.category, smaller_side_m):
             return label
         return written_category(label, entry)

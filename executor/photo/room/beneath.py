@@ -32,8 +32,8 @@ from executor.photo.inputs.usual import (
     usual_height_m,
     usual_length_m,
 )
-from executor.photo.room.estimate import is_furniture
-from oag.model.symbols import carries_things, has_boards, is_known, kind_of
+from executor.photo.room.estimate import is_piece
+from oag.model.symbols import carries_things, has_boards, kind_of
 
 Box = tuple[float, float, float, float]
 
@@ -147,12 +147,6 @@ def support_of(view: Observation, things: Sequence[Detection], index: int) -> in
         rated.append((unusual + _size_cost(view, thing, 0.0) + _HIDDEN * hidden, FLOOR))
     best = min(rated, default=(math.inf, WALL))
     return best[1] if best[0] < _MOST else WALL
-
-
-def is_piece(thing: Detection) -> bool:
-    """Return whether a thing is furniture by the noun of its name: a desk divider is none."""
-    noun = (plain_name(thing.label) or "").split("_")[-1]
-    return is_furniture(thing) and (is_known(noun) or thing.category in {entry.category for entry in LIBRARY.values()})
 
 
 def _category(thing: Detection) -> str:

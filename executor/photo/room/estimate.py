@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from executor.geometry import Array
 from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
-from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext, usual_size_m
+from executor.photo.fitting.likelihood import NO_FEET, Fit, Neighbourhood, SearchContext, usual_size_m
 from executor.photo.fitting.starts import LEAST_POINTS, named_models, points_of, stands_on_floor
 from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import box_of
@@ -37,6 +38,8 @@ _ON_FLOOR_M = 0.15
 _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 _LOOKED_AT_PX = 2000  # Of what is visible of a thing, to tell its colours.
+_FLAT, _INTO = 0.25, 0.06  # Height of a flat item by its shorter side; share of its box, below its far edge.
+_BESIDE, _BESIDE_PX = 0.15, 2.0  # Of an item's sides, and beyond that: so near to it ends the box of what is on it.
 _LEAST_SHOWN = 0.2  # Of its box: a fit that shows less there is of something else.
 
 
@@ -77,6 +80,12 @@ def is_furniture(detection: Detection) -> bool:
     return any(is_known(name) and kind_of(name, 0.0) is not Kind.ITEM for name in names)
 
 
+def is_piece(thing: Detection) -> bool:
+    """Return whether a thing is furniture by the noun of its name: a desk divider is none."""
+    noun = (plain_name(thing.label) or "").split("_")[-1]
+    return is_furniture(thing) and (is_known(noun) or thing.category in {entry.category for entry in LIBRARY.values()})
+
+
 def tops_of(guesses: Iterable[PoseHypothesis]) -> Iterator[Top]:
     """Yield the tops, boards and hollows of some hypotheses; what is over an item is on it, whatever its edge is."""
     for guess in guesses:
@@ -93,14 +102,21 @@ def is_on_one(guess: PoseHypothesis, tops: Iterable[Top], within_m: float = SAME
     return guess.bottom_m == 0.0 or any(top.is_near(at) for top in near)
 
 
-def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
+def heights_under(points: Array, tops: Iterable[Top], foot_m: Array | None = None) -> list[float]:
     """Return heights of floor, tops and boards that points (N, 3) may stand on, the nearest first.
 
     Where nothing known is below them it is their own lower end: what stands there has no box.
+
+    Args:
+        points: Of the thing.
+        tops: What it may stand on.
+        foot_m: (3,) where its box ends, as far as that is measured.
     """
     low = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
-    under = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M and top.is_near(at)]
+    ends = [at] if foot_m is None else [at, foot_m[:2]]
+    level = [top for top in tops if abs(top.height_m - low) < NEAR_TOP_M]
+    under = [top for top in level if any(top.is_near(end) for end in ends)]
     heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
     # What is over an item, or a board on a top, is in it or on it, and not below.
     loose = [top for top in under if is_item(top.of) or top.of.bottom_m > 0.0]
@@ -175,12 +191,21 @@ class RoomEstimate:
         fits: index of a detection -> its fit.
         lost: index -> why it has no fit.
         scale_share: Relative uncertainty of the picture's scale, without depth.
+        feet_m: index of furniture -> (N, 3) where things on it touch its top, where they hide that.
+        seemingly_on: With depth, what each box seems to be on by the picture: another one, FLOOR or WALL.
     """
 
     def __init__(
-        self, observation: Observation, walls: tuple[Wall, ...], detections: Sequence[Detection], scale_share: float
+        self,
+        observation: Observation,
+        walls: tuple[Wall, ...],
+        detections: Sequence[Detection],
+        scale_share: float,
+        feet_m: Mapping[int, Array] = MappingProxyType({}),
+        seemingly_on: Sequence[int] = (),
     ) -> None:
         self.observation, self.detections, self.scale_share = observation, tuple(detections), scale_share
+        self.feet_m, self.seemingly_on = feet_m, seemingly_on
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
         self._layers = Layers(observation, walls)
@@ -230,7 +255,7 @@ class RoomEstimate:
         What is measured to be far smaller than any such furniture is something else, whatever it is called.
         """
         detection = self.detections[index]
-        if detection.on not in (None, FLOOR) or not stands_on_floor(detection):
+        if detection.on not in (None, FLOOR) or not (is_piece(detection) and stands_on_floor(detection)):
             return False
         own = self.observation.z_m[detection.pixels(self.observation.size_px) & self.observation.measured]
         x0, y0, x1, y1 = detection.box_px
@@ -260,6 +285,7 @@ class RoomEstimate:
             self.scale_share,
             own.mask,
             self._shows_boards(index),
+            self.feet_m.get(index, NO_FEET),
         )
 
     def _shows_boards(self, index: int) -> bool:
@@ -296,7 +322,7 @@ class RoomEstimate:
         if detection.on == FLOOR:
             return [0.0]
         support = None if detection.on is None else self.fits.get(detection.on)
-        tops = list(tops_of(fit.guess for fit in self.fits.values()))
+        tops = list(tops_of(fit.guess for index, fit in self.fits.items() if self._ends_on(detection, index)))
         if len(points) < LEAST_POINTS:
             points = self.observation.points_m[detection.pixels(self.observation.size_px) & self.observation.measured]
         if len(points) >= LEAST_POINTS:
@@ -305,14 +331,43 @@ class RoomEstimate:
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
             if given:
                 return [min(given, key=lambda one: abs(one - low_m))]
-            found = heights_under(points, tops)
+            found = heights_under(points, tops, self.observation.foot_m(detection.box_px))
             is_known = found[0] == 0.0 or any(round(top.height_m, 4) == found[0] for top in tops)
+            if not is_known and (seen := self.top_below_m(detection, low_m)) is not None:
+                return [seen]
             # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
             middle = np.median(points, axis=0)
             over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)
             below = [round(top.height_m, 4) for top in over if low_m < top.height_m < middle[2]]
             return found if is_known or not below else [max(below)]
         return []
+
+    def top_below_m(self, detection: Detection, low_m: float) -> float | None:
+        """Return the height of the furniture's top on which a box seems to end, if the thing ends at that height too.
+
+        What hangs over the edge of a bench is beside its top, and its depth is that of its front.
+
+        Args:
+            detection: The thing.
+            low_m: The height of its lower end.
+        """
+        index = next((one for one, other in enumerate(self.detections) if other is detection), -1)
+        below = self.seemingly_on[index] if 0 <= index < len(self.seemingly_on) else FLOOR
+        if below not in self.fits or not is_piece(self.detections[below]):
+            return None
+        tops = [round(top.height_m, 4) for top in tops_of([self.fits[below].guess])]
+        near = [height for height in tops if abs(height - low_m) < NEAR_TOP_M]
+        return min(near, key=lambda height: abs(height - low_m), default=None)
+
+    def _ends_on(self, detection: Detection, index: int) -> bool:
+        """Return whether a box ends where another thing is in the picture; furniture may be hidden below it."""
+        other, size_m = self.detections[index], self.fits[index].guess.size_m
+        (x0, _, x1, y1), (left, top, right, bottom) = detection.box_px, other.box_px
+        aside, down = (_BESIDE * side + _BESIDE_PX for side in (right - left, bottom - top))
+        # What ends at the far edge of a mat is behind it.
+        first = top + _INTO * (bottom - top) if size_m[2] < _FLAT * min(size_m[:2]) else top - down
+        ends_in_it = left - aside < (x0 + x1) / 2 < right + aside and first < y1 < bottom + down
+        return is_piece(other) or ends_in_it or detection.on == index
 
     def _near(self) -> Neighbourhood:
         guesses = (fit.guess for fit in self.fits.values())

@@ -16,7 +16,7 @@ from executor.photo.fitting.fit import (
     update_fit,
 )
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
-from executor.photo.fitting.likelihood import Fit, RatedHypothesis, SearchContext
+from executor.photo.fitting.likelihood import FOOT_USUAL, Fit, RatedHypothesis, SearchContext, feet_cost
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
@@ -65,20 +65,22 @@ class RoomFitter:
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
             return room.add_fit(index, as_named(update_fit(around, detection.box_px, before), detection))
-        best: Fit | None = None
+        best: tuple[bool, Fit] | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
             found = as_named(one, detection)
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
-            if best is None or found.in_box > best.in_box:
-                best = found
-            if found.in_box >= LEAST_IN_BOX and found.explained >= _LEAST_EXPLAINED:
-                best = found
+            # What things hide the top of shows little else than what is below it.
+            carries = feet_cost(found.guess, around.feet_m) < FOOT_USUAL * len(around.feet_m)
+            if best is None or (carries, found.in_box) > (best[0], best[1].in_box):
+                best = carries, found
+            if found.in_box >= LEAST_IN_BOX and (carries or found.explained >= _LEAST_EXPLAINED):
+                best = carries, found
                 break
         if best is None and (last := self._hung(index, around)) is not None:
-            best = as_named(last, detection)
-        return room.add_fit(index, best)
+            best = False, as_named(last, detection)
+        return room.add_fit(index, None if best is None else best[1])
 
     def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
         """Fit one object by the likeliest start of a search, which takes a fraction of a second.

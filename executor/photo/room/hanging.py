@@ -125,8 +125,11 @@ def _by_depth(
     tops = list(tops_of(fit.guess for fit in room.fits.values()))
     if usual_m is None:
         # Behind what is in a shelf is the back of that.
-        near = [top for top in tops if top.is_near(at)]
+        foot_m = view.foot_m(detection.box_px)
+        ends = [at] if foot_m is None else [at, foot_m[:2]]
+        near = [top for top in tops if any(top.is_near(end) for end in ends)]
         on_top = any(abs(top.height_m - low_m) < NEAR_TOP_M or has_boards(top.of.entry.category) for top in near)
+        on_top = on_top or room.top_below_m(detection, low_m) is not None
     else:
         on_top = any(abs(top.height_m - low_m) < _ON_TOP_M and top.distance_m(at) == 0.0 for top in tops)
     wall = wall_behind(view, detection.box_px, room.walls)

@@ -17,6 +17,7 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.feet import feet_on_furniture, seemingly_on
 from executor.photo.room.fitter import RoomFitter
 
 _PATTERN, _SHADE, _MORE = 0.05, 0.3, 2.0
@@ -150,7 +151,9 @@ class _Reconstruction:
         kept: Mapping[int, Fit],
         on_progress: Callable[[str], None],
     ) -> None:
-        self._new = partial(RoomEstimate, observation, walls, detections, scale_share)
+        on = seemingly_on(observation, detections) if observation.has_depth else []
+        feet_m = feet_on_furniture(observation, detections, on)
+        self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on)
         self._on_progress, self._found = on_progress, dict(kept)
         self._room = self._new()
         for index, fit in kept.items():
@@ -218,8 +221,9 @@ class _Reconstruction:
 
 def _result(room: RoomEstimate) -> FittedRoom:
     """Name the fitted objects, with the colour before a name that tells it from others of that name."""
+    labels = [one.label for one in room.detections]
     called = {
-        index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
+        index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]), labels)
         for index, fit in room.fits.items()
     }
     coloured: dict[int, str] = {}

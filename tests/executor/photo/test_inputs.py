@@ -98,6 +98,14 @@ def test_a_thing_keeps_the_name_that_it_was_given_where_that_says_more(label: st
     assert Detection(label, LIBRARY[model].category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
 
 
+def test_two_names_for_one_kind_stay_two_in_one_picture() -> None:
+    book, notebook = (Detection(one, "book", (0, 0, 9, 9), 1.0, "me") for one in ("book", "notebook"))
+    entry = LIBRARY["book_lying"]
+    assert notebook.name_as(entry) == notebook.name_as(entry, 0.0, ["notebook", "Notebook", "mug"]) == "book"
+    assert notebook.name_as(entry, 0.0, ["notebook", "book"]) == "notebook"
+    assert book.name_as(entry, 0.0, ["notebook", "book"]) == "book"
+
+
 @pytest.mark.parametrize("name", ["depth.png", "depth.npz", "depth.npy"])
 def test_depth_is_the_same_in_every_form(folder: Path, name: str) -> None:
     found = read_depth(folder / name, SIZE)

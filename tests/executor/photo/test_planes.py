@@ -187,6 +187,40 @@ def test_a_plane_near_below_the_camera_is_the_floor_where_furniture_stands_and_n
     assert floor_below("p", replace(low, deepest_m=0.9), [chair]).above_top_m is not None
 
 
+def test_a_plane_that_ends_at_a_wall_is_the_floor_where_a_person_boxed_no_table() -> None:
+    up = up_in_camera(25.0, 2.0)
+    ahead = CAMERA.rays(SIZE) @ level_rotation(up).T
+    low = depth_of(up, 0.5)
+    walled = replace(low, z_m=np.minimum(low.z_m, 1.1 / np.maximum(ahead[..., 0], 0.05)))
+    mug = Detection("mug", "mug", (200.0, 100.0, 240.0, 140.0), 1.0, "me")
+    found = level_planes(walled, CAMERA)
+    assert found is not None and angle_deg(found.up, up) < 0.5
+    floor = floor_below("p", found, [mug])
+    assert floor.above_top_m is None and floor.height_m == pytest.approx(0.5, abs=0.02)
+    # Near misses: a network may miss a table, a table has its box, something is lower, there is no wall.
+    table = Detection("table", "table", EVERYTHING, 1.0, "me")
+    for things in ([replace(mug, provenance="detector")], [mug, table], ()):
+        assert floor_below("p", found, things).above_top_m == pytest.approx(0.5, abs=0.02)
+    for other in (replace(found, deepest_m=0.9), level_planes(depth_of(up, None, 0.5), CAMERA)):
+        assert floor_below("p", other, [mug]).above_top_m is not None
+
+
+def test_the_front_of_a_cabinet_is_no_top_though_things_that_are_on_it_are_in_its_box() -> None:
+    up = up_in_camera(14.0, 4.0)
+    ahead = CAMERA.rays(SIZE) @ level_rotation(up).T
+    far_m = 1.0 / np.maximum(ahead[..., 0], 0.05), 1.14 / np.maximum(ahead[..., 0], 0.05)
+    top = np.where(ahead[..., 2] < -0.05, 0.35 / np.maximum(-ahead[..., 2], 0.05), 9.0)
+    z = np.where(-ahead[..., 2] * far_m[0] > 0.35, far_m[0], np.minimum(top, far_m[1]))
+    noise = np.random.default_rng(0).normal(size=z.shape)
+    depth = Depth(z + noise * (0.001 + 0.002 * z**2), "drawn")
+    row = float(np.argmax(z[:, 160] == far_m[0][:, 160]))
+    cabinet = Detection("cabinet", "bottom_cabinet", (0.0, row - 25.0, 320.0, 240.0), 1.0, "me")
+    remotes = [Detection("remote", None, (x, row - 20.0, x + 40.0, row - 8.0), 1.0, "me") for x in (60.0, 160.0)]
+    found = planes_below(level_planes(depth, CAMERA), depth, CAMERA, [cabinet, *remotes])
+    assert found is not None and angle_deg(found.up, up) < 3.0
+    assert floor_below("p", found, [cabinet]).above_top_m == pytest.approx(0.35, abs=0.06)
+
+
 def test_a_bed_that_fills_the_picture_is_as_high_as_beds_are() -> None:
     found = level_planes(depth_of(up_in_camera(35.0, 0.0), None, 0.7), CAMERA)
     bed = Detection("bed", "bed", EVERYTHING, 1.0, "me")

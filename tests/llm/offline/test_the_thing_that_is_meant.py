@@ -212,3 +212,29 @@ def test_of_several_the_only_one_that_serves_is_meant(query: str, meant: set[str
 def test_where_several_serve_it_stays_a_question(query: str) -> None:
     with pytest.raises(llm.QueryError):
         llm.propose(query, HOME)
+
+
+def _bowls(far_m: float) -> Scene:
+    near, far = (_thing("bowl", [0.12, 0.12, 0.06]) for _ in range(2))
+    cup = _thing("cup", [0.07, 0.07, 0.09])
+    places = {"bowl_0": (far, [0.9 + far_m, 0.1, 0.63]), "bowl_1": (near, [0.9, -0.1, 0.63])}
+    items = {key: {**thing, "position": at} for key, (thing, at) in places.items()}
+    return _scene({**items, "cup_0": {**cup, "position": [1.0, 0.3, 0.64]}})
+
+
+@pytest.mark.parametrize(
+    ("query", "goal"),
+    [
+        ("put the cup into the bowl in front", "(inside cup_0 bowl_1)"),
+        ("put the cup into the front bowl", "(inside cup_0 bowl_1)"),
+        ("put the cup into the bowl closest to me", "(inside cup_0 bowl_1)"),
+        ("put the cup into the bowl at the back", "(inside cup_0 bowl_0)"),
+        ("put the cup into the rear bowl", "(inside cup_0 bowl_0)"),
+        ("put the front cup into the closest bowl", "(inside cup_0 bowl_1)"),
+    ],
+)
+def test_the_one_in_front_is_the_nearest_to_the_robots_start(query: str, goal: str) -> None:
+    assert conjuncts(llm.propose(query, _bowls(0.25)).task.goal) == {goal}
+    if "front cup" not in query:
+        with pytest.raises(llm.QueryError, match="can mean bowl_0 or bowl_1"):
+            llm.propose(query, _bowls(0.0))
