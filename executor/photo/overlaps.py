@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -18,13 +19,11 @@ from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
+from executor.photo.separation import CLEARANCE_M, Fill, separated
 from oag.model.symbols import Kind, has_boards, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
-
-CLEARANCE_M = 0.001
-"""Between things that were separated."""
 
 EDGE_M = 0.004
 """Between a thing's middle and the edge of its top, at least."""
@@ -58,6 +57,8 @@ def resolve_overlaps(
     same_height_m: float = SAME_HEIGHT_M,
     hung: Collection[str] = (),
     fitted: Mapping[str, PoseHypothesis] | None = None,
+    fills: Mapping[str, Fill] = MappingProxyType({}),
+    on: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[dict[str, PoseHypothesis], list[str]]:
     """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
 
@@ -67,11 +68,15 @@ def resolve_overlaps(
         same_height_m: Tolerance between an object and the top that it stands on.
         hung: Furniture among them that stays where it is.
         fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
+        fills: id -> how well it fills its box; what is moved stays in it as far as it can.
+        on: id -> id of what carries it, where that is known: it is on no other top, and they are not separated.
     """
     room = dict(guesses)
     large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0 and not one.fixed]
     # What carries others is placed before them.
-    small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
+    small = sorted(
+        (key for key in room if key not in large), key=lambda key: (len(_below(key, on)), room[key].bottom_m)
+    )
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
@@ -90,17 +95,32 @@ def resolve_overlaps(
                 room[key], room[other] = _apart(room[key], room[other])
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
-    notes = _put_on_tops(room, small, same_height_m, hung)
+    notes = _put_on_tops(room, small, same_height_m, hung, on)
     for _ in range(_ROUNDS):
         for number, key in enumerate(small):
             for other in small[number + 1 :]:
+                if other in _below(key, on) or key in _below(other, on):
+                    continue
                 if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
-                    room[key], room[other] = _pushed(room[key], room[other])
+                    known = (fills[key], fills[other]) if key in fills and other in fills else None
+                    room[key], room[other] = separated(room[key], room[other], known)
     return room, [*notes, *_moves(guesses if fitted is None else fitted, room)]
 
 
+def _below(key: str, on: Mapping[str, str]) -> list[str]:
+    """Return what carries a thing, and what carries that one."""
+    found: list[str] = []
+    while (key := on.get(key, "")) and key not in found:
+        found.append(key)
+    return found
+
+
 def _put_on_tops(
-    room: dict[str, PoseHypothesis], small: Sequence[str], same_height_m: float, hung: Collection[str]
+    room: dict[str, PoseHypothesis],
+    small: Sequence[str],
+    same_height_m: float,
+    hung: Collection[str],
+    on: Mapping[str, str],
 ) -> list[str]:
     """Put each small thing onto its top, or down; report what hangs and what had no top."""
     farthest_m = _FARTHEST_M if same_height_m <= SAME_HEIGHT_M else _GUESSED_FAR_M
@@ -115,6 +135,11 @@ def _put_on_tops(
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
         fitted = room[key]
+        if key in on:
+            carrier = {on[key]: room[on[key]]} if on[key] in room else {}
+            room[key] = _on_its_top(fitted, carrier, _BOARD_M, farthest_m, is_known=True)
+            if room[key] is not fitted:
+                continue
         # A thing between boards is on one of them, however the others are fitted, and on no neighbour's.
         boarded = _boarded(fitted, others)
         items = {other: one for other, one in others.items() if is_item(one)}
@@ -225,7 +250,7 @@ def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesi
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
         return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
-    return _pushed(first, second)
+    return separated(first, second)
 
 
 def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
@@ -273,35 +298,6 @@ def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis
     return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
 
 
-def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
-    """Move the smaller of two objects along the axis of least overlap; what is fixed only along its wall."""
-    a, b = _footprint(first), _footprint(second)
-    if a.depth_m(b) <= 0.0 or overlap_depth_m(solid_parts(first.as_object()), solid_parts(second.as_object())) <= 0.0:
-        return first, second
-    second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
-    if first.fixed is not second.fixed:
-        second_gives = first.fixed
-    axes = [_axes(one.yaw_rad) for one in (a, b)]
-    # What hangs keeps its back on its wall.
-    tried = [axes[second_gives][1]] if first.fixed and second.fixed else [*axes[0], *axes[1]]
-    least: tuple[float, np.ndarray] | None = None
-    for axis in tried:
-        mine, theirs = a.corners_m @ axis, b.corners_m @ axis
-        for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
-            if least is None or over_m < least[0]:
-                least = float(over_m), direction
-    if least is None:
-        return first, second
-    by = (least[0] + CLEARANCE_M) * least[1]
-    return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
-
-
-def _axes(yaw_rad: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the own x and y axis (2,) of a heading."""
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    return np.array([c, s]), np.array([-s, c])
-
-
 def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
     """Return whether an object stands above another's bottom and within its outline: in a bowl, on a plate."""
     mine, theirs = _footprint(thing), _footprint(other)
@@ -309,7 +305,12 @@ def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
 
 
 def _on_its_top(
-    guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float, farthest_m: float
+    guess: PoseHypothesis,
+    others: Mapping[str, PoseHypothesis],
+    same_height_m: float,
+    farthest_m: float,
+    *,
+    is_known: bool = False,
 ) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
@@ -322,7 +323,7 @@ def _on_its_top(
         is_loose = on_item or other.bottom_m > 0.0
         if on_item and other.bottom_m > guess.bottom_m:
             continue
-        if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
+        if on_item and same_height_m > SAME_HEIGHT_M and not is_known and not carries(other.entry.category):
             # Of a variation, what is before a thing may seem to be below it.
             continue
         carrier = other.as_object()
@@ -347,7 +348,8 @@ def _on_its_top(
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
             is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
-            by = not is_over, math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            # Of a plate in a sink, what is over both is on the plate.
+            by = not is_over, -level_m if is_over else math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
             if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)

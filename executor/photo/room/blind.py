@@ -35,6 +35,7 @@ def fit_without_depth(
             if on[index] == FLOOR and index not in kept:
                 room.lost[index] = LostCause.STANDS
     on = [FLOOR if below in room.lost else below for below in on]
+    room.on.update({index: below for index, below in enumerate(on) if below >= 0})
     pieces = [Piece(thing, entry_of(view, thing), on[index]) for index, thing in enumerate(things)]
     pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
     problem = Jointly(view, pieces)

@@ -174,6 +174,7 @@ class RoomEstimate:
         detections: The boxes.
         fits: index of a detection -> its fit.
         lost: index -> why it has no fit.
+        on: index -> what carries it, where boxes and names decide that.
         scale_share: Relative uncertainty of the picture's scale, without depth.
     """
 
@@ -183,6 +184,7 @@ class RoomEstimate:
         self.observation, self.detections, self.scale_share = observation, tuple(detections), scale_share
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
+        self.on: dict[int, int] = {}
         self._layers = Layers(observation, walls)
 
     @property

@@ -30,6 +30,7 @@ from executor.photo.fitting.starts import generic_models, is_raised, named_model
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.usual import (
+    is_inset,
     is_lounge,
     is_mostly_open,
     is_panel,
@@ -39,6 +40,7 @@ from executor.photo.inputs.usual import (
     usual_thickness_m,
 )
 from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
+from llm.vision import overlap
 from oag.model.symbols import has_boards
 
 Regions = tuple[tuple[float, float, float, float, float], ...]
@@ -63,6 +65,7 @@ MOST_STEPS = 12
 """Of the search for all things at once."""
 
 _FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them are followed, and their steps.
+_POOR, _BETTER = 0.7, 0.15  # IoU of an outline with its box, below which it is started again; gain by another shape.
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _ROUND_SIDES = 8
@@ -146,7 +149,7 @@ def with_region(piece: Piece, below: Piece) -> Piece:
 
 def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
     """Return a pose with the library's model that has its size, else with a generic shape."""
-    named = with_parts([entry for entry in named_models(thing) if entry.model in LIBRARY], thing.doors, thing.drawers)
+    named = library_models(thing)
     rated = sorted((_misfit(entry, guess), number) for number, entry in enumerate(named))
     for misfit, number in rated:
         one = replace(guess, entry=named[number])
@@ -159,6 +162,17 @@ def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> Pose
             return one
     size = np.clip(guess.size_m, 0.01, 3.0)
     return replace(guess, entry=shapes[0], size_m=(float(size[0]), float(size[1]), float(size[2])))
+
+
+def library_models(thing: Detection) -> list[ModelEntry]:
+    """Return the library's models of a thing, with its doors and drawers; none of what is let into a top.
+
+    The library's sink is a unit that stands on the floor.
+    """
+    if is_inset(thing.label):
+        return []
+    named = [entry for entry in named_models(thing) if entry.model in LIBRARY]
+    return with_parts(named, thing.doors, thing.drawers)
 
 
 def shapes_of(view: Observation, thing: Detection) -> list[ModelEntry]:
@@ -280,7 +294,9 @@ class Jointly:
             return self._residuals(X, rows)
 
         # Overlaps count more in the end, when all else has found its place.
-        for self._apart_m in _APART_M:
+        for number, self._apart_m in enumerate(_APART_M):
+            if number:
+                self._start_again(rows)
             found = least_squares(residuals, self.X[rows].ravel(), x_scale="jac", max_nfev=evaluations)
             self.X[rows] = found.x.reshape(-1, 6)
 
@@ -478,18 +494,45 @@ class Jointly:
         self._known_pairs = {(owners, rows): (pairs[:, 0], pairs[:, 1])}
         return pairs[:, 0], pairs[:, 1]
 
+    def _start_again(self, rows: Sequence[int]) -> None:
+        """Start pieces again that do not fill their boxes: what they were started among has moved since."""
+        poor = [index for index in rows if self._filled(index) < _POOR]
+        for index in (one for one in self._order if one in poor):
+            before, entry = self.X[index].copy(), self.pieces[index].entry
+            cost, share = float(np.square(self._alone(self.X, index)).sum()), self._filled(index)
+            self._start(index)
+            if float(np.square(self._alone(self.X, index)).sum()) > cost:
+                self.X[index] = before
+            best, share = self.X[index].copy(), max(share, self._filled(index))
+            if share > _POOR or entry.model in GENERIC:
+                continue
+            # Where no size of the library's model fills the box, the thing is built otherwise.
+            self._model(index, shapes_of(self.view, self.pieces[index].thing)[0])
+            self._start(index)
+            if self._filled(index) < share + _BETTER:
+                self._model(index, entry)
+                self.X[index] = best
+
+    def _filled(self, index: int) -> float:
+        """Return the IoU of a piece's outline with its box."""
+        return overlap(tuple(self._bounds(self.X, [index])[0]), tuple(self._box[index]))
+
+    def _alone(self, X: Array, index: int) -> Array:
+        """Return the residuals that a piece has a part in, with what seems to stand on it."""
+        parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
+        parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
+        on = [index] if self.pieces[index].on >= 0 else []
+        parts += [self._on_top(X, one) for one in (*on, *(one for one in self._above[index] if self.placed[one]))]
+        parts.append(self._apart(X, self._bottoms(X), [index]))
+        return np.concatenate(parts)
+
     def _start(self, index: int) -> None:
         """Place a piece alone: several turns and distances, each optimised with what seems to stand on it."""
         X = self.X.copy()
 
         def residuals(values: Array) -> Array:
             X[index] = values
-            parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
-            parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
-            if self.pieces[index].on >= 0:
-                parts.append(self._on_top(X, index))
-            parts.append(self._apart(X, self._bottoms(X), [index]))
-            return np.concatenate(parts)
+            return self._alone(X, index)
 
         self.placed[index] = True
         begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in self._starts(index)]
@@ -525,7 +568,7 @@ class Jointly:
         found = []
         for reach, turn in itertools.product(reaches if self._large[index] else reaches[:1], turns):
             size = logs.copy()
-            if not self._large[index]:
+            if not self._large[index] or (piece.on >= 0 and piece.entry.model in GENERIC):
                 size = size + math.log(max((x1 - x0) / K.fx * reach, 0.01)) - float(logs[1])
             along = reach * level + 0.4 * math.exp(min(size[0], size[1]))
             found.append(np.array([along * math.cos(away), along * math.sin(away), turn, *size]))
