@@ -350,7 +350,8 @@ def _on_its_top(
             is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
             # Of a plate in a sink, what is over both is on the plate.
             by = not is_over, -level_m if is_over else math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
-            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
+            near_m = min(other.size_m[:2]) / 2 if on_item and not is_known else farthest_m
+            if aside_m < near_m and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]

@@ -41,6 +41,9 @@ Box = tuple[float, float, float, float]
 BORDER_SHARE = 0.012
 """Of the picture's sides: a box that ends so near to the border is cut."""
 
+COMPARTMENTS = 0.5
+"""Height by width of the box of a shelf from where on it has compartments."""
+
 _TOP_M = 0.5  # Height of furniture of no known model.
 _TOLERANT = 0.15  # Share of a front by which tops of a kind differ in height.
 _TALLER = 1.6  # Than its kind: what would be so large on the floor is not there.
@@ -54,7 +57,7 @@ pair is one on the other."""
 
 _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it.
 _OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, -1.5, 4.0
-_IN_BOARDS, _BESIDE_BOARDS, _COMPARTMENTS, _NESTED = 1.0, 1.5, 0.5, 0.1
+_IN_BOARDS, _BESIDE_BOARDS, _NESTED = 1.0, 1.5, 0.1
 _LEAST_WIDE = 0.6  # Of a thing's width, a support shows.
 _OFF_SHARE, _NEAR_SHARE, _FRONT = 0.2, 0.06, 1.5
 """Of a thing's shorter side, beside a face; most of the width of the picture that such a side is; most that the front
@@ -233,7 +236,7 @@ def _cost_on(view: Observation, things: Sequence[Detection], index: int, thing: 
         cost += _size_cost(view, thing, top_m(support)) if not is_boarded else 0.0
         if is_boarded:
             cost -= _IN_BOARDS * (over > _WITHIN)
-            if bottom - top > _COMPARTMENTS * (right - left):
+            if bottom - top > COMPARTMENTS * (right - left):
                 # What is in a compartment is between its sides; on a single board it may reach beyond the end.
                 cost += _BESIDE_BOARDS * max(0.0, x1 - right, left - x0) / (x1 - x0)
             last = bottom

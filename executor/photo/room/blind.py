@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from executor.assets.families.generic import SHELF
 from executor.photo.errors import LostCause
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.inputs.annotations import FLOOR, WALL
@@ -12,7 +13,7 @@ from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import as_named, hung_models
 from executor.photo.room.hanging import hung
-from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, on_boards, with_region
 from executor.photo.room.outlined import entry_of, fit_of
 
 
@@ -38,6 +39,7 @@ def fit_without_depth(
     room.on.update({index: below for index, below in enumerate(on) if below >= 0})
     pieces = [Piece(thing, entry_of(view, thing), on[index]) for index, thing in enumerate(things)]
     pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
+    pieces = on_boards(view, pieces)
     problem = Jointly(view, pieces)
     for index, fit in kept.items():
         problem.put(index, fit.guess)
@@ -56,6 +58,8 @@ def fit_without_depth(
             # Its box looks beside every wall.
             problem.pieces[index] = replace(problem.pieces[index], on=FLOOR)
             continue
+        if pieces[index].entry.model == SHELF:
+            on_wall = replace(on_wall, guess=replace(on_wall.guess, entry=pieces[index].entry, parameters=()))
         room.add_fit(index, on_wall)
         problem.put(index, on_wall.guess)
     rest = [index for index in range(len(things)) if index not in room.fits and index not in room.lost]
@@ -63,6 +67,11 @@ def fit_without_depth(
         problem.solve(rest, 0 if rough else MOST_STEPS)
         for index in rest:
             room.add_fit(index, fit_of(room, index, problem, index))
+    for index in hanging:
+        if pieces[index].entry.model == SHELF and index in room.fits:
+            shelf = room.fits[index]
+            room.remove_fit(index)
+            room.add_fit(index, replace(shelf, guess=replace(problem.pose(index), fixed=shelf.guess.fixed)))
     for index in range(len(things)):
         if index in room.fits and index not in kept:
             found = as_named(room.fits[index], things[index])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from executor.assets.families.generic import GENERIC, WITH_BACK
+from executor.assets.families.generic import BOARDS, GENERIC, PANEL, SHELF, WITH_BACK
 from executor.assets.footprint import region_frame, solid_parts
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
@@ -39,7 +39,7 @@ from executor.photo.inputs.usual import (
     usual_length_m,
     usual_thickness_m,
 )
-from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
+from executor.photo.room.beneath import BORDER_SHARE, COMPARTMENTS, is_foot_hidden, is_on_legs
 from llm.vision import overlap
 from oag.model.symbols import has_boards
 
@@ -69,6 +69,9 @@ _POOR, _BETTER = 0.7, 0.15  # IoU of an outline with its box, below which it is 
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _ROUND_SIDES = 8
+_TOP_SHARE, _SAME_BOARD = 0.15, 0.3  # Of a shelf's box, that may be its top; of a thing's, between ends on one board.
+_SHELF_M, _SHELF_SPREADS = (0.30, 0.80, 1.20), (0.25, 0.40, 0.50)  # Usual size of a shelf, and deviations of logarithms.
+_LEVEL_M = 0.02
 _SLOPE, _LOOSEST = 1e-4, 1e-6  # Step of differences; of the sharpest direction: looser ones are unknown.
 
 
@@ -81,12 +84,14 @@ class Piece:
         entry: Its model.
         on: What carries it: another piece's number, FLOOR or WALL.
         region: Of its support's top.
+        board: Number of the board that it is on, if its height is measured by what is on it; those of a support differ.
     """
 
     thing: Detection
     entry: ModelEntry
     on: int
     region: tuple[float, float, float, float, float] = (1.0, 0.0, 0.0, 0.5, 0.5)
+    board: int | None = None
 
 
 @cache
@@ -138,13 +143,38 @@ def _parts(entry: ModelEntry) -> Array:
 def with_region(piece: Piece, below: Piece) -> Piece:
     """Return a piece with the top of its support that it is on: the board next to where its box ends."""
     regions = regions_of(below.entry)
-    if not regions:
+    if not regions or piece.board is not None:
         return piece
     if not has_boards(below.entry.category):
         return replace(piece, region=regions[0])
     _, y0, _, y1 = below.thing.box_px
     share = (y1 - piece.thing.box_px[3]) / (y1 - y0)
     return replace(piece, region=min(regions, key=lambda region: abs(region[0] - share)))
+
+
+def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:
+    """Return pieces with shelves whose boards are where what is on them ends, not where a model has them.
+
+    What ends at about one height is on one board. What ends where a shelf shows its top is on that.
+    """
+    found = list(pieces)
+    for number, shelf in enumerate(pieces):
+        left, top, right, bottom = shelf.thing.box_px
+        within = [one for one, piece in enumerate(pieces) if piece.on == number]
+        # What is wide and low is a single board.
+        if not has_boards(shelf.entry.category) or bottom - top < COMPARTMENTS * (right - left):
+            continue
+        highest = 0.0 if top < BORDER_SHARE * view.size_px[1] else top + _TOP_SHARE * (bottom - top)
+        within = [one for one in within if pieces[one].thing.box_px[3] > highest]
+        within.sort(key=lambda one: pieces[one].thing.box_px[3])
+        board, last_px = -1, -math.inf
+        for one in within:
+            _, y0, _, y1 = pieces[one].thing.box_px
+            board += y1 > last_px + _SAME_BOARD * (y1 - y0)
+            found[one], last_px = replace(found[one], board=board, region=(0.5, 0.0, 0.0, 0.5, 0.5)), y1
+        if within and board < len(BOARDS):
+            found[number] = replace(shelf, entry=replace(GENERIC[SHELF], category=shelf.entry.category))
+    return found
 
 
 def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
@@ -182,7 +212,7 @@ def shapes_of(view: Observation, thing: Detection) -> list[ModelEntry]:
     """
     shapes = generic_models(thing)
     if is_panel(thing.label):
-        return [replace(GENERIC["generic_panel_on_stand"], category=shapes[0].category), *shapes]
+        return [replace(GENERIC[PANEL], category=shapes[0].category), *shapes]
     likeliest = shapes[0].model
     if is_on_legs(thing):
         likeliest = "generic_slab_on_legs"
@@ -241,6 +271,16 @@ class Jointly:
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
         self._ray = [self._sight(box) for box in self._box]
+        self._foot = [self._sight((box[0], box[3], box[2], box[3]))[1] for box in self._box]
+        for index, piece in enumerate(pieces):
+            self._hidden_low[index] |= piece.board is not None and self._foot[index] > 0.0
+        # What is on a board with each piece, itself too.
+        self._level_with = [
+            [other for other, two in enumerate(pieces) if (two.on, two.board) == (one.on, one.board)]
+            if one.board is not None
+            else []
+            for one in pieces
+        ]
         heading = view.heading_rad
         self._headings = [] if heading is None else [heading + turn * math.pi / 2 for turn in range(4)]
 
@@ -279,7 +319,9 @@ class Jointly:
         for index in (one for one in self._order if one in free):
             if not self.placed[index]:
                 self._start(index)
-                entry = modelled(self.view, self.pieces[index].thing, self.pose(index)).entry
+                own = self.pieces[index]
+                is_shelf = own.entry.model == SHELF
+                entry = own.entry if is_shelf else modelled(self.view, own.thing, self.pose(index)).entry
                 if entry != self.pieces[index].entry:
                     self._model(index, entry)
                     self._start(index)
@@ -306,8 +348,15 @@ class Jointly:
         length, width, height = (math.exp(one) for one in logs)
         if is_round(self.pieces[index].entry):
             length = width
-        bottom_m = float(self._bottoms(self.X)[index])
-        return PoseHypothesis(self.pieces[index].entry, x, y, yaw, max(0.0, bottom_m), (length, width, height))
+        bottoms, entry = self._bottoms(self.X), self.pieces[index].entry
+        bottom_m = max(0.0, float(bottoms[index]))
+        guess = PoseHypothesis(entry, x, y, yaw, bottom_m, (length, width, height))
+        if entry.model != SHELF:
+            return guess
+        boards = {self.pieces[one].board: one for one in self._above[index] if self.pieces[one].board is not None}
+        levels = {int(board): (float(bottoms[one]) - bottom_m) / height for board, one in boards.items() if board is not None}
+        shares = {BOARDS[board].name: min(max(level, 0.0), 1.0) for board, level in levels.items()}
+        return guess.with_parameters(**shares)
 
     def put(self, index: int, guess: PoseHypothesis) -> None:
         """Place a piece where it is known to be."""
@@ -339,9 +388,25 @@ class Jointly:
         bottoms = self.base_m.copy()
         for index in self._order:
             on = self.pieces[index].on
-            if on >= 0:
+            if self.pieces[index].board is not None:
+                bottoms[index] = max(self._level_m(X, index), bottoms[on])
+            elif on >= 0:
                 bottoms[index] = bottoms[on] + self.pieces[index].region[0] * math.exp(min(X[on, 5], 3.0))
         return bottoms
+
+    def _level_m(self, X: Array, index: int) -> float:
+        """Return the height of a board: where what is on it ends, at its distance.
+
+        Of a board above the camera the front edge hides what is on it, and things end there in the picture.
+        """
+        on, levels = self.pieces[index].on, []
+        for one in self._level_with[index]:
+            if self.placed[one] or one == index:
+                there = on if self._foot[one] > 0.0 else one
+                size = np.exp(np.clip(X[there, 3:5], -7.0, 3.0))
+                away_m = float(np.hypot(*(X[there, :2] - self.view.eye_m[:2]))) - float(size.min()) / 2
+                levels.append(self._foot[one] * max(away_m, _NEAREST_M))
+        return float(self.view.eye_m[2]) + sum(levels) / len(levels)
 
     def _bounds(self, X: Array, rows: Sequence[int]) -> Array:
         """Return (N, 4) the boxes of what the picture shows of some pieces, or of all of each that it does not show."""
@@ -414,7 +479,12 @@ class Jointly:
         half = np.array([half_x, half_y]) * size
         # On an item, all of a thing is within its top or its rim.
         free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if self._large[on] else reach), 0.0)
-        return np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+        beside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+        if piece.board is None:
+            return beside
+        bottoms, (own_m, height_m) = self._bottoms(X), np.exp(np.clip(X[[index, on], 5], -7.0, 3.0))
+        above_m = float(bottoms[index] - bottoms[on] + own_m - height_m)
+        return np.append(beside, max(0.0, above_m) / _LEVEL_M)
 
     def _solids(self, X: Array, bottoms: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return (N, 7) the solid parts of placed pieces: middle, half sides, lower end and turn; and whose (N,)."""
@@ -556,6 +626,8 @@ class Jointly:
         cut = bool(self._hidden_low[index]) or y1 > (1 - BORDER_SHARE) * view.size_px[1]
         if not math.isfinite(t) or t * level > _FARTHEST_M:
             t = by_size_m
+        if piece.board is not None:
+            t = float(np.hypot(*(self.X[piece.on, :2] - view.eye_m[:2]))) / level
         reaches = [t * share for share in _NEARER] if not cut else [t, math.sqrt(t * by_size_m), by_size_m]
         away = math.atan2(ray[1], ray[0])
         if is_round(piece.entry):
@@ -590,6 +662,8 @@ class Jointly:
             ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
             down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
             t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
+            if self.pieces[one].board is not None:
+                t = min(float(np.hypot(*(X[index, :2] - view.eye_m[:2])) / np.hypot(*ray[:2])), _FARTHEST_M)
             at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
             at -= np.array([mid_x, mid_y]) * size[:2]
             beside = np.maximum(np.abs(at) - np.array([half_x, half_y]) * size[:2], 0.0) / 0.05
@@ -616,6 +690,9 @@ def _sizes(piece: Piece) -> tuple[list[float], list[float]]:
         aspect = 0.02 if is_round(entry) else 0.2
         up = logs[2] - logs[1]
         return [*logs, logs[0] - logs[1], up, max(logs)], [*spreads, aspect, 0.5, 1e3]
+    if entry.model == SHELF:
+        logs = [math.log(one) for one in _SHELF_M]
+        return [*logs, 0.0, 0.0, 0.0], [*_SHELF_SPREADS, 1e3, 1e3, 1e3]
     high_m, thick_m, long_m = usual_height_m(label), usual_thickness_m(label), usual_length_m(label)
     any_m = long_m or (_PIECE_M if is_large(entry) else _ITEM_M)
     logs, spreads = [math.log(any_m * 0.7)] * 3, [1e3] * 3
