@@ -18,15 +18,21 @@ from executor.photo.room.outlined import entry_of, fit_of
 
 
 def fit_without_depth(
-    room: RoomEstimate, kept: Mapping[int, Fit], on_progress: Callable[[str], None], *, rough: bool = False
-) -> None:
-    """Fit every thing of a picture without depth.
+    room: RoomEstimate,
+    kept: Mapping[int, Fit],
+    on_progress: Callable[[str], None],
+    *,
+    rough: bool = False,
+    begun: Jointly | None = None,
+) -> Jointly:
+    """Fit every thing of a picture without depth; return the problem that is solved.
 
     Args:
         room: The estimate, with the fits that stay; it gets the others.
         kept: index -> fit that stays.
         on_progress: Called with a sentence about each step.
         rough: Whether each thing alone does, without all of them at once.
+        begun: The same problem as it was solved roughly: nothing is started twice.
     """
     view, things = room.observation, room.detections
     on = supports_of(view, things)
@@ -41,6 +47,8 @@ def fit_without_depth(
     pieces = [with_region(piece, pieces[piece.on]) if piece.on >= 0 else piece for piece in pieces]
     pieces = on_boards(view, pieces)
     problem = Jointly(view, pieces)
+    if begun is not None:
+        problem.go_on(begun)
     for index, fit in kept.items():
         problem.put(index, fit.guess)
     roots = [_root(on, index) for index in range(len(things))]
@@ -78,6 +86,7 @@ def fit_without_depth(
             room.remove_fit(index)
             room.add_fit(index, found)
             room.fits[index] = replace(found, in_box=room.in_box(index), rough=rough)
+    return problem
 
 
 def _root(on: Sequence[int], index: int) -> int:

@@ -61,6 +61,7 @@ _ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.0
 _HEADING_RAD, _FACING, _FACING_CARRIER = 0.15, 0.6, 3.0
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
+_TURN = np.array([0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0])
 MOST_STEPS = 12
 """Of the search for all things at once."""
 
@@ -324,7 +325,7 @@ class Jointly:
                 entry = own.entry if is_shelf else modelled(self.view, own.thing, self.pose(index)).entry
                 if entry != self.pieces[index].entry:
                     self._model(index, entry)
-                    self._start(index)
+                    self._start(index, [self.X[index] + turn * _TURN for turn in range(4)])
                 self.placed[index] = True
         rows = list(free)
         if not rows or not evaluations:
@@ -364,6 +365,12 @@ class Jointly:
         self.base_m[index], self.placed[index] = guess.bottom_m, True
         self._model(index, guess.entry)
 
+    def go_on(self, begun: Jointly) -> None:
+        """Take the state of the same problem as it was begun before."""
+        self.X, self.base_m, self.placed = begun.X.copy(), begun.base_m.copy(), begun.placed.copy()
+        for index, piece in enumerate(begun.pieces):
+            self._model(index, piece.entry)
+
     def spread_m(self, index: int) -> tuple[float, float]:
         """Return the standard deviations of a piece's place, in its worst direction, and of its worst side.
 
@@ -385,11 +392,13 @@ class Jointly:
         return math.sqrt(max(0.0, place)), float(sides_m.max())
 
     def _bottoms(self, X: Array) -> Array:
-        bottoms = self.base_m.copy()
+        bottoms, levels = self.base_m.copy(), dict[tuple[int, int], float]()
         for index in self._order:
-            on = self.pieces[index].on
-            if self.pieces[index].board is not None:
-                bottoms[index] = max(self._level_m(X, index), bottoms[on])
+            on, board = self.pieces[index].on, self.pieces[index].board
+            if board is not None:
+                if (on, board) not in levels:
+                    levels[on, board] = self._level_m(X, index)
+                bottoms[index] = max(levels[on, board], bottoms[on])
             elif on >= 0:
                 bottoms[index] = bottoms[on] + self.pieces[index].region[0] * math.exp(min(X[on, 5], 3.0))
         return bottoms
@@ -399,23 +408,23 @@ class Jointly:
 
         Of a board above the camera the front edge hides what is on it, and things end there in the picture.
         """
-        on, levels = self.pieces[index].on, []
+        on, (eye_x, eye_y, eye_z) = self.pieces[index].on, self.view.eye_m.tolist()
+        levels = []
         for one in self._level_with[index]:
             if self.placed[one] or one == index:
-                there = on if self._foot[one] > 0.0 else one
-                size = np.exp(np.clip(X[there, 3:5], -7.0, 3.0))
-                away_m = float(np.hypot(*(X[there, :2] - self.view.eye_m[:2]))) - float(size.min()) / 2
+                x, y, _, length, width, _ = X[on if self._foot[one] > 0.0 else one].tolist()
+                away_m = math.hypot(x - eye_x, y - eye_y) - math.exp(min(length, width, 3.0)) / 2
                 levels.append(self._foot[one] * max(away_m, _NEAREST_M))
-        return float(self.view.eye_m[2]) + sum(levels) / len(levels)
+        return float(eye_z) + sum(levels) / len(levels)
 
-    def _bounds(self, X: Array, rows: Sequence[int]) -> Array:
+    def _bounds(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return (N, 4) the boxes of what the picture shows of some pieces, or of all of each that it does not show."""
         some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
         c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
         local = self._edges[rows] * sizes[:, None, None]
         x = c[:, None, None] * local[..., 0] - s[:, None, None] * local[..., 1] + some[:, 0, None, None]
         y = s[:, None, None] * local[..., 0] + c[:, None, None] * local[..., 1] + some[:, 1, None, None]
-        z = local[..., 2] + (self._bottoms(X)[rows] + sizes[:, 2] / 2)[:, None, None]
+        z = local[..., 2] + (bottoms[rows] + sizes[:, 2] / 2)[:, None, None]
         at = (np.stack([x, y, z], axis=-1) - self.view.eye_m) @ self.view.R_camera_level.T
         # Both ends' distances from each plane, above 0 in the picture.
         inside = at @ self._planes.T - self._near_m
@@ -438,15 +447,15 @@ class Jointly:
         return np.concatenate([low, high], axis=1)
 
     def _residuals(self, X: Array, rows: Sequence[int]) -> Array:
-        parts = [self._box_residuals(X, rows), self._size_residuals(X, rows), self._turn_residuals(X, rows)]
         bottoms = self._bottoms(X)
-        parts += [self._on_top(X, index) for index in rows if self.pieces[index].on >= 0]
+        parts = [self._box_residuals(X, bottoms, rows), self._size_residuals(X, rows), self._turn_residuals(X, rows)]
+        parts += [self._on_top(X, bottoms, index) for index in rows if self.pieces[index].on >= 0]
         parts.append(self._apart(X, bottoms, rows))
         return np.concatenate(parts)
 
-    def _box_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+    def _box_residuals(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return how far outlines are off their boxes, in standard deviations; a hidden foot may be lower."""
-        off = (self._bounds(X, rows) - self._box[rows]) / self._sigma[rows]
+        off = (self._bounds(X, bottoms, rows) - self._box[rows]) / self._sigma[rows]
         off[:, 3] = np.where(self._hidden_low[rows] & (off[:, 3] > 0.0), _HIDDEN * off[:, 3], off[:, 3])
         return _robust(off, _ROBUST).ravel()
 
@@ -467,7 +476,7 @@ class Jointly:
         askew = np.sin(2 * (some[:, 2] - self._headings[0])) / (2 * _HEADING_RAD)
         return np.concatenate([facing, askew * self._large[rows]])
 
-    def _on_top(self, X: Array, index: int) -> Array:
+    def _on_top(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far the middle of a piece is beside its top, (2,)."""
         piece, on = self.pieces[index], self.pieces[index].on
         _, mid_x, mid_y, half_x, half_y = piece.region
@@ -482,7 +491,7 @@ class Jointly:
         beside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
         if piece.board is None:
             return beside
-        bottoms, (own_m, height_m) = self._bottoms(X), np.exp(np.clip(X[[index, on], 5], -7.0, 3.0))
+        own_m, height_m = np.exp(np.clip(X[[index, on], 5], -7.0, 3.0))
         above_m = float(bottoms[index] - bottoms[on] + own_m - height_m)
         return np.append(beside, max(0.0, above_m) / _LEVEL_M)
 
@@ -585,18 +594,19 @@ class Jointly:
 
     def _filled(self, index: int) -> float:
         """Return the IoU of a piece's outline with its box."""
-        return overlap(tuple(self._bounds(self.X, [index])[0]), tuple(self._box[index]))
+        return overlap(tuple(self._bounds(self.X, self._bottoms(self.X), [index])[0]), tuple(self._box[index]))
 
     def _alone(self, X: Array, index: int) -> Array:
         """Return the residuals that a piece has a part in, with what seems to stand on it."""
-        parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
-        parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
+        bottoms = self._bottoms(X)
+        parts = [self._box_residuals(X, bottoms, [index]), self._size_residuals(X, [index])]
+        parts += [self._turn_residuals(X, [index]), self._carried(X, bottoms, index)]
         on = [index] if self.pieces[index].on >= 0 else []
-        parts += [self._on_top(X, one) for one in (*on, *(one for one in self._above[index] if self.placed[one]))]
-        parts.append(self._apart(X, self._bottoms(X), [index]))
+        parts += [self._on_top(X, bottoms, one) for one in (*on, *(one for one in self._above[index] if self.placed[one]))]
+        parts.append(self._apart(X, bottoms, [index]))
         return np.concatenate(parts)
 
-    def _start(self, index: int) -> None:
+    def _start(self, index: int, starts: Sequence[Array] = ()) -> None:
         """Place a piece alone: several turns and distances, each optimised with what seems to stand on it."""
         X = self.X.copy()
 
@@ -605,7 +615,7 @@ class Jointly:
             return self._alone(X, index)
 
         self.placed[index] = True
-        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in self._starts(index)]
+        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in starts or self._starts(index)]
         begun = sorted(begun, key=lambda one: float(one.cost))[:_FOLLOWED]
         ended = [least_squares(residuals, one.x, x_scale="jac", max_nfev=_SECOND) for one in begun]
         self.X[index] = min(ended, key=lambda one: float(one.cost)).x
@@ -646,14 +656,14 @@ class Jointly:
             found.append(np.array([along * math.cos(away), along * math.sin(away), turn, *size]))
         return found
 
-    def _carried(self, X: Array, index: int) -> Array:
+    def _carried(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far things that have no place yet seem to be beside a piece, and off the sizes of their kinds."""
         piece = self.pieces[index]
         others = [one for one in self._above[index] if not self.placed[one]]
         if not others:
             return np.zeros(0)
         size = np.exp(np.clip(X[index, 3:], -7.0, 3.0))
-        bottom_m = self._bottoms(X)[index]
+        bottom_m = bottoms[index]
         K, view = self.view.K, self.view
         found = []
         for one in others:

@@ -20,6 +20,7 @@ from executor.photo.inputs.annotations import Detection
 from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
+from executor.photo.room.jointly import Jointly
 from executor.photo.separation import Fill
 from llm.vision import overlap
 
@@ -168,6 +169,7 @@ class _Reconstruction:
         self._new = partial(RoomEstimate, observation, walls, detections, scale_share)
         self._on_progress, self._found = on_progress, dict(kept)
         self._room = self._new()
+        self._begun: Jointly | None = None
         for index, fit in kept.items():
             self._room.add_fit(index, fit)
         boxes = range(len(detections))
@@ -182,7 +184,7 @@ class _Reconstruction:
     def fitted(self) -> FittedRoom:
         """Fit the furniture, again among all others, then the things on it; compare each with its box in the end."""
         if not self._room.observation.has_depth:
-            fit_without_depth(self._room, self._found, self._on_progress)
+            fit_without_depth(self._room, self._found, self._on_progress, begun=self._begun)
             for index in self._all:
                 self._keep(index)
             return _result(self._room)
@@ -211,7 +213,7 @@ class _Reconstruction:
         rough = [index for index in (*self._standing, *self._carried) if index not in self._found]
         try:
             if not room.observation.has_depth:
-                fit_without_depth(room, self._found, self._on_progress, rough=True)
+                self._begun = fit_without_depth(room, self._found, self._on_progress, rough=True, begun=self._begun)
                 return _result(room)
             for index in rough:
                 fitter.fit_roughly(index, [0.0] if index in self._standing else None)
