@@ -95,6 +95,8 @@ def resolve_overlaps(
                 room[key], room[other] = _apart(room[key], room[other])
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
+    for key in small:
+        _flatten(room, key, [room[one] for one in small if on.get(one) == key])
     notes = _put_on_tops(room, small, same_height_m, hung, on)
     for _ in range(_ROUNDS):
         for number, key in enumerate(small):
@@ -113,6 +115,24 @@ def _below(key: str, on: Mapping[str, str]) -> list[str]:
     while (key := on.get(key, "")) and key not in found:
         found.append(key)
     return found
+
+
+def _flatten(room: dict[str, PoseHypothesis], key: str, carried: Sequence[PoseHypothesis]) -> None:
+    """Make a plate flat on which things reach over its rim: there they stay where they were seen."""
+    plate = room[key].as_object()
+    if not carried or not is_item(room[key]):
+        return
+    for region in asset_for(plate).regions:
+        T, half = region_frame(plate, region)
+        sunk = region.kind == "surface" and float(T[2, 3]) < room[key].bottom_m + room[key].size_m[2] - _HIGHER_M
+        reaches = (
+            np.abs(T[:2, :2].T @ (np.array([one.x_m, one.y_m]) - T[:2, 3])) + min(one.size_m[:2]) / 2 for one in carried
+        )
+        if sunk and any((reach > half).any() for reach in reaches):
+            shape = GENERIC["generic_cylinder" if is_round(room[key].entry) else "generic_box"]
+            flat = replace(room[key], entry=replace(shape, category=room[key].entry.category), parameters=())
+            room[key] = flat if raycaster_of(flat) is not None else room[key]
+            return
 
 
 def _put_on_tops(
@@ -321,7 +341,7 @@ def _on_its_top(
     for other in others.values():
         on_item = is_item(other)
         is_loose = on_item or other.bottom_m > 0.0
-        if on_item and other.bottom_m > guess.bottom_m:
+        if on_item and other.bottom_m > guess.bottom_m and not is_known:
             continue
         if on_item and same_height_m > SAME_HEIGHT_M and not is_known and not carries(other.entry.category):
             # Of a variation, what is before a thing may seem to be below it.
@@ -333,7 +353,7 @@ def _on_its_top(
             if on_item and min(guess.size_m[:2]) > 2 * min(half):
                 # On a plate, what is wider than its hollow rests on the rim.
                 level_m = other.bottom_m + other.size_m[2]
-            beside = on_item and level_m > guess.bottom_m + guess.size_m[2] / 2
+            beside = on_item and not is_known and level_m > guess.bottom_m + guess.size_m[2] / 2
             if beside or abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
@@ -344,7 +364,10 @@ def _on_its_top(
             own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
             c, s = abs(math.cos(own)), abs(math.sin(own))
             reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
-            free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
+            # It may reach over the edge of a top, not into the side of a sink.
+            share = 1.0 if region.kind == "interior" else _ON_TOP
+            share = 0.0 if on_item and is_known and region.kind == "surface" else share
+            free = _ON_ITEM * half if on_item and share > 0.0 else np.maximum(half - share * reach - EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
             is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])

@@ -164,7 +164,9 @@ def open_shelf(obj: SceneObject) -> Asset:
     for number, (level, ceiling) in enumerate(itertools.pairwise((*levels, z))):
         middle, half = (level + ceiling - t) / 2, (ceiling - t - level) / 2
         regions.append(
-            Region(f"board_{number}", "surface", _LINK, (-t / 2, 0.0, middle), (x - t / 2, y - t, half), (-1.0, 0.0, 0.0))
+            Region(
+                f"board_{number}", "surface", _LINK, (-t / 2, 0.0, middle), (x - t / 2, y - t, half), (-1.0, 0.0, 0.0)
+            )
         )
     return _made(obj, shapes, *regions)
 

@@ -52,8 +52,8 @@ _HUNG_FROM_M, _TALL_M = 4.0, 0.5  # Nearer, and taller, what usually hangs stand
 _NARROW, _WIDE = 1.25, 1.4  # Times as wide as the item below it, lying or standing on it.
 _UPRIGHT_OVER, _UPRIGHT_ABOVE, _UPRIGHT_ASIDE, _BETWEEN = 0.8, 0.5, 0.5, 0.4
 """Of what stands on an item that is not known to carry: share of its width over it; way that it stands out above it, in
-heights of the item; how far its middle, and its end, are off the item's, in halves of its sides. Of 100 pictures each such
-pair is one on the other."""
+heights of the item; how far its middle, and its end, are off the item's, in halves of its sides. In 99 pictures
+every such pair is one on the other."""
 
 _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it.
 _OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, -1.5, 4.0
@@ -162,7 +162,7 @@ def support_of(view: Observation, things: Sequence[Detection], index: int) -> in
 
 
 def is_piece(thing: Detection) -> bool:
-    """Return whether a thing is furniture by the noun of its name: a desk divider is none, nor what is let into a top."""
+    """Return whether a thing is furniture by the noun of its name: a desk divider is none, nor a sink in a counter."""
     if is_inset(thing.label):
         return False
     noun = (plain_name(thing.label) or "").split("_")[-1]
@@ -189,7 +189,7 @@ def is_on_legs(thing: Detection) -> bool:
 def _is_on_top(view: Observation, things: Sequence[Detection], index: int, others: Sequence[int]) -> bool:
     """Return whether a piece is all in the box of other furniture, and ends where that one shows its top."""
     thing, found = things[index], False
-    x0, y0, x1, y1 = thing.box_px
+    x0, _, x1, y1 = thing.box_px
     for other in others:
         left, top, right, _ = things[other].box_px
         inside = left <= x0 and x1 <= right and top <= y1 and thing.area_px < things[other].area_px

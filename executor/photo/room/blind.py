@@ -13,8 +13,9 @@ from executor.photo.room.beneath import ends_above_horizon, supports_of
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import as_named, hung_models
 from executor.photo.room.hanging import hung
-from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, on_boards, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly
 from executor.photo.room.outlined import entry_of, fit_of
+from executor.photo.room.pieces import Piece, on_boards, with_region
 
 
 def fit_without_depth(

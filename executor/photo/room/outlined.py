@@ -17,7 +17,8 @@ from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, library_models, modelled, shapes_of, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly
+from executor.photo.room.pieces import Piece, library_models, modelled, shapes_of, with_region
 
 _NOTHING: Array = np.zeros((0, 3))
 
