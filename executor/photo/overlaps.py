@@ -92,7 +92,8 @@ def resolve_overlaps(
             room[key] = _out_of_walls(room[key], walls)
         for number, key in enumerate(large):
             for other in large[number + 1 :]:
-                room[key], room[other] = _apart(room[key], room[other])
+                known = (fills[key], fills[other]) if key in fills and other in fills else None
+                room[key], room[other] = _apart(room[key], room[other], known)
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
     for key in small:
@@ -256,7 +257,9 @@ def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesi
     return guess
 
 
-def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+def _apart(
+    first: PoseHypothesis, second: PoseHypothesis, fills: tuple[Fill, Fill] | None
+) -> tuple[PoseHypothesis, PoseHypothesis]:
     """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
     deep_m = _footprint(first).depth_m(_footprint(second))
     # A chair may stand under a table: their parts decide.
@@ -270,7 +273,7 @@ def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesi
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
         return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
-    return separated(first, second)
+    return separated(first, second, fills)
 
 
 def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:

@@ -35,6 +35,7 @@ _NEAREST_M = 0.05
 _HIDDEN = 0.2  # Weight of a lower end that something hides.
 _EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
 _ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.02, 0.02
+_BEFORE_M, _AROUND_M = 0.2, 0.05  # Free way before the camera; deviation.
 _HEADING_RAD, _FACING, _FACING_CARRIER = 0.15, 0.6, 3.0
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
 _TURN = np.array([0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0])
@@ -217,7 +218,7 @@ class Jointly:
                     levels[on, board] = self._level_m(X, index)
                 bottoms[index] = max(levels[on, board], bottoms[on])
             elif on >= 0:
-                bottoms[index] = bottoms[on] + self.pieces[index].region[0] * math.exp(min(X[on, 5], 3.0))
+                bottoms[index] = bottoms[on] + self.pieces[index].region.height_m(math.exp(min(X[on, 5], 3.0)))
         return bottoms
 
     def _level_m(self, X: Array, index: int) -> float:
@@ -265,7 +266,11 @@ class Jointly:
 
     def _residuals(self, X: Array, rows: Sequence[int]) -> Array:
         bottoms = self._bottoms(X)
-        parts = [self._box_residuals(X, bottoms, rows), self._size_residuals(X, rows), self._turn_residuals(X, rows)]
+        parts = [
+            self._box_residuals(X, bottoms, rows),
+            self._size_residuals(X, rows),
+            self._turn_residuals(X, bottoms, rows),
+        ]
         parts += [self._on_top(X, bottoms, index) for index in rows if self.pieces[index].on >= 0]
         parts.append(self._apart(X, bottoms, rows))
         return np.concatenate(parts)
@@ -283,11 +288,22 @@ class Jointly:
         values = np.stack([L, W, H, L - W, H - W, longest], axis=1)
         return np.asarray((values - self._prior[rows]) / self._spread[rows]).ravel()
 
-    def _turn_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+    def _around_camera(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
+        """Return how far pieces that are about as high as the camera are around it, (N,)."""
+        some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
+        c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
+        off = self.view.eye_m[:2] - some[:, :2]
+        local = np.abs(np.stack([c * off[:, 0] + s * off[:, 1], c * off[:, 1] - s * off[:, 0]], axis=1))
+        within_m = (sizes[:, :2] / 2 + _BEFORE_M - local).min(axis=1)
+        as_high = np.clip((bottoms[rows] + sizes[:, 2] - self.view.eye_m[2]) / _BEFORE_M + 2.0, 0.0, 1.0)
+        return np.asarray(np.maximum(within_m, 0.0) * as_high / _AROUND_M)
+
+    def _turn_residuals(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return how far furniture is turned out of the room's lines and away from the camera."""
         some = X[rows]
         away = np.arctan2(some[:, 1], some[:, 0])
         facing = self._facing[rows] * (1.0 - np.cos(some[:, 2] - away))
+        facing = np.concatenate([facing, self._around_camera(X, bottoms, rows)])
         if not self._headings:
             return facing
         askew = np.sin(2 * (some[:, 2] - self._headings[0])) / (2 * _HEADING_RAD)
@@ -296,13 +312,12 @@ class Jointly:
     def _on_top(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far the middle of a piece is beside its top, (2,)."""
         piece, on = self.pieces[index], self.pieces[index].on
-        _, mid_x, mid_y, half_x, half_y = piece.region
         size, own = np.exp(X[on, 3:5]), np.exp(X[index, 3:5])
-        local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - np.array([mid_x, mid_y]) * size
+        middle, half = piece.region.rectangle_m(*size.tolist())
+        local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - middle
         turn = X[index, 2] - X[on, 2]
         c, s = abs(math.cos(turn)), abs(math.sin(turn))
         reach = np.array([c * own[0] + s * own[1], s * own[0] + c * own[1]]) / 2
-        half = np.array([half_x, half_y]) * size
         # On an item, and in a sink, all of a thing is within its top or its rim.
         is_top = self._large[on] and not is_hollow(self.pieces[on].thing.label)
         free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if is_top else reach), 0.0)
@@ -418,7 +433,7 @@ class Jointly:
         """Return the residuals that a piece has a part in, with what seems to stand on it."""
         bottoms = self._bottoms(X)
         parts = [self._box_residuals(X, bottoms, [index]), self._size_residuals(X, [index])]
-        parts += [self._turn_residuals(X, [index]), self._carried(X, bottoms, index)]
+        parts += [self._turn_residuals(X, bottoms, [index]), self._carried(X, bottoms, index)]
         on = [index] if self.pieces[index].on >= 0 else []
         parts += [
             self._on_top(X, bottoms, one) for one in (*on, *(one for one in self._above[index] if self.placed[one]))
@@ -487,16 +502,16 @@ class Jointly:
         K, view = self.view.K, self.view
         found = []
         for one in others:
-            share, mid_x, mid_y, half_x, half_y = self.pieces[one].region
+            region = self.pieces[one].region
+            middle, half = region.rectangle_m(float(size[0]), float(size[1]))
             x0, _, x1, y1 = self.pieces[one].thing.box_px
             ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
-            down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
+            down_m = max(float(view.eye_m[2]) - bottom_m - region.height_m(float(size[2])), _TALLEST_M)
             t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
             if self.pieces[one].board is not None:
                 t = min(float(np.hypot(*(X[index, :2] - view.eye_m[:2])) / np.hypot(*ray[:2])), _FARTHEST_M)
             at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
-            at -= np.array([mid_x, mid_y]) * size[:2]
-            beside = np.maximum(np.abs(at) - np.array([half_x, half_y]) * size[:2], 0.0) / 0.05
+            beside = np.maximum(np.abs(at - middle) - half, 0.0) / 0.05
             wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
             found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
         return np.array(found)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,9 +33,8 @@ from executor.photo.inputs.usual import (
 from executor.photo.room.beneath import BORDER_SHARE, COMPARTMENTS, is_on_legs
 from oag.model.symbols import has_boards
 
-Regions = tuple[tuple[float, float, float, float, float], ...]
-"""Of the tops of a model: height, middle and half sides, in shares of its size."""
-
+_Five = tuple[float, float, float, float, float]
+_ENLARGED = 1.04  # Size by which it is told which lengths of a model grow with it.
 _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
@@ -48,6 +48,31 @@ _SHELF_M, _SHELF_SPREADS = (
     (0.30, 0.80, 1.20),
     (0.25, 0.40, 0.50),
 )  # Usual size of a shelf, and deviations of logarithms.
+
+
+class TopOf(NamedTuple):
+    """The top of a model: height, middle and half sides, as shares of its size and what does not grow with it.
+
+    A bed is lain on at one height, however high its head is, and the arms of wide sofas are no wider.
+    """
+
+    shares: _Five = (1.0, 0.0, 0.0, 0.5, 0.5)
+    fixed_m: _Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def height_m(self, high_m: float) -> float:
+        """Return its height at a height of the model."""
+        return self.shares[0] * high_m + self.fixed_m[0]
+
+    def rectangle_m(self, long_m: float, wide_m: float) -> tuple[Array, Array]:
+        """Return its middle and its half sides, (2,) each, at sides of the model."""
+        sides = (long_m, wide_m, long_m, wide_m)
+        values = [
+            share * side + more for share, side, more in zip(self.shares[1:], sides, self.fixed_m[1:], strict=True)
+        ]
+        return np.array(values[:2]), np.maximum(values[2:], 0.0)
+
+
+_WHOLE = TopOf()
 
 
 @dataclass(frozen=True)
@@ -65,22 +90,30 @@ class Piece:
     thing: Detection
     entry: ModelEntry
     on: int
-    region: tuple[float, float, float, float, float] = (1.0, 0.0, 0.0, 0.5, 0.5)
+    region: TopOf = _WHOLE
     board: int | None = None
 
 
 @cache
-def regions_of(entry: ModelEntry, size_m: Size | None = None) -> Regions:
-    """Return the tops of a model at a size, by default its usual one, the highest first."""
-    size_m = size_m or usual_size_m(entry)
-    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    sides = np.array(size_m)
+def tops_of(entry: ModelEntry) -> tuple[TopOf, ...]:
+    """Return the tops of a model, the highest at its usual size first."""
+    usual_m = usual_size_m(entry)
+    larger_m = tuple(_ENLARGED * side for side in usual_m)
+    first, second = (_tops_at(entry, (size[0], size[1], size[2])) for size in (usual_m, larger_m))
+    lengths = np.array([usual_m[2], *usual_m[:2], *usual_m[:2]])
     found = []
-    for region in asset_for(thing).regions:
-        T, half = region_frame(thing, region)
-        x, y, z = np.asarray(T)[:3, 3] / sides
-        found.append((float(z), float(x), float(y), float(half[0]) / size_m[0], float(half[1]) / size_m[1]))
-    return tuple(sorted(found, reverse=True))
+    for small, large in zip(first, second, strict=True):
+        shares = (large - small) / ((_ENLARGED - 1.0) * lengths)
+        z, x, y, half_x, half_y = shares.tolist()
+        found.append(TopOf((z, x, y, half_x, half_y), tuple((small - shares * lengths).tolist())))
+    return tuple(sorted(found, key=lambda top: -top.height_m(usual_m[2])))
+
+
+def _tops_at(entry: ModelEntry, size_m: Size) -> list[Array]:
+    """Return the height, the middle and the half sides, (5,), of every top of a model at a size."""
+    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
+    frames = (region_frame(thing, region) for region in asset_for(thing).regions)
+    return [np.array([T[2, 3], T[0, 3], T[1, 3], *half]) for T, half in frames]
 
 
 @cache
@@ -117,14 +150,14 @@ def parts_of(entry: ModelEntry) -> Array:
 
 def with_region(piece: Piece, below: Piece) -> Piece:
     """Return a piece with the top of its support that it is on: the board next to where its box ends."""
-    regions = regions_of(below.entry)
-    if not regions or piece.board is not None:
+    tops = tops_of(below.entry)
+    if not tops or piece.board is not None:
         return piece
     if not has_boards(below.entry.category):
-        return replace(piece, region=regions[0])
-    _, y0, _, y1 = below.thing.box_px
+        return replace(piece, region=tops[0])
+    (_, y0, _, y1), high_m = below.thing.box_px, usual_size_m(below.entry)[2]
     share = (y1 - piece.thing.box_px[3]) / (y1 - y0)
-    return replace(piece, region=min(regions, key=lambda region: abs(region[0] - share)))
+    return replace(piece, region=min(tops, key=lambda top: abs(top.height_m(high_m) / high_m - share)))
 
 
 def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:
@@ -146,7 +179,7 @@ def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:
         for one in within:
             _, y0, _, y1 = pieces[one].thing.box_px
             board += y1 > last_px + _SAME_BOARD * (y1 - y0)
-            found[one], last_px = replace(found[one], board=board, region=(0.5, 0.0, 0.0, 0.5, 0.5)), y1
+            found[one], last_px = replace(found[one], board=board, region=_WHOLE), y1
         if within and board < len(BOARDS):
             found[number] = replace(shelf, entry=replace(GENERIC[SHELF], category=shelf.entry.category))
     return found
