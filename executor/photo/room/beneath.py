@@ -22,7 +22,9 @@ from executor.photo.inputs.annotations import FLOOR, WALL, Detection, plain_name
 from executor.photo.inputs.usual import (
     carries,
     hung_depth_m,
+    is_cookware,
     is_hollow,
+    is_hot,
     is_inset,
     is_lounge,
     is_mostly_open,
@@ -232,6 +234,7 @@ def _cost_on(view: Observation, things: Sequence[Detection], index: int, thing: 
         cost += _OUTSIDE * (1.0 - over) + _AREA * max(0.0, math.log(support.area_px / thing.area_px))
         for_people = is_seat(label) or is_lounge(label)
         cost += (_ON_SEAT if is_seat(label) and not soft else _UNUSUAL) * (for_people is not soft)
+        cost += _UNUSUAL * (is_hot(label) and not is_cookware(thing.label))
         is_boarded = has_boards(category)
         cost += _size_cost(view, thing, top_m(support)) if not is_boarded else 0.0
         if is_boarded:

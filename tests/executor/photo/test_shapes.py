@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import llm
 from executor.assets.asset_geometry import bounds
-from executor.assets.families.generic import GENERIC, WITH_BACK
+from executor.assets.families.generic import GENERIC, PANEL, SHELF, WITH_BACK
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array, rotation_z
 from executor.photo.errors import LostCause
@@ -439,8 +439,8 @@ def test_the_only_thing_of_a_name_is_meant_whatever_colour_a_picture_shows() -> 
 def test_what_is_hollow_is_told_by_names_and_furniture_is_not(label: str, without: set[str]) -> None:
     name = plain_name(label)
     found = {one.model for one in generic_models(Detection(label, name, (0, 0, 9, 9), 1.0, ""))}
-    # A panel on a stand is for pictures without depth.
-    assert found == {*SHAPES} - without - {"generic_panel_on_stand"}
+    # A panel on a stand and a shelf are for pictures without depth.
+    assert found == {*SHAPES} - without - {PANEL, SHELF}
 
 
 OPEN = shape(WITH_BACK, (0.30, 0.33, 0.20), yaw_rad=0.1)
