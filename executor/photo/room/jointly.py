@@ -88,7 +88,7 @@ class Jointly:
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
         self._ray = [self._sight(box) for box in self._box]
-        self._foot = [self._sight((box[0], box[3], box[2], box[3]))[1] for box in self._box]
+        self._foot = [self._sight(box[[0, 3, 2, 3]])[1] for box in self._box]
         for index, piece in enumerate(pieces):
             self._hidden_low[index] |= piece.board is not None and self._foot[index] > 0.0
         # What is on a board with each piece, itself too.
