@@ -37,6 +37,7 @@ _NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_STEPS = 24
 _HIGHER_M = 0.002
+_SHALLOW = 0.2  # Height of a plate, in shares of its shorter side.
 _BOARD_M, _BESIDE_M = 0.5, 0.1
 """Between a thing in a shelf and the board that it stands on, as boards are fitted evenly spaced; and the outline of a
 shelf, whose depth is mostly hidden."""
@@ -121,7 +122,7 @@ def _below(key: str, on: Mapping[str, str]) -> list[str]:
 def _flatten(room: dict[str, PoseHypothesis], key: str, carried: Sequence[PoseHypothesis]) -> None:
     """Make a plate flat on which things reach over its rim: there they stay where they were seen."""
     plate = room[key].as_object()
-    if not carried or not is_item(room[key]):
+    if not carried or not is_item(room[key]) or room[key].size_m[2] > _SHALLOW * min(room[key].size_m[:2]):
         return
     for region in asset_for(plate).regions:
         T, half = region_frame(plate, region)
