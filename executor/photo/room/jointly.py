@@ -218,7 +218,7 @@ class Jointly:
                     levels[on, board] = self._level_m(X, index)
                 bottoms[index] = max(levels[on, board], bottoms[on])
             elif on >= 0:
-                bottoms[index] = bottoms[on] + self.pieces[index].region.height_m(math.exp(min(X[on, 5], 3.0)))
+                bottoms[index] = bottoms[on] + self.pieces[index].region.high * math.exp(min(X[on, 5], 3.0))
         return bottoms
 
     def _level_m(self, X: Array, index: int) -> float:
@@ -313,7 +313,8 @@ class Jointly:
         """Return how far the middle of a piece is beside its top, (2,)."""
         piece, on = self.pieces[index], self.pieces[index].on
         size, own = np.exp(X[on, 3:5]), np.exp(X[index, 3:5])
-        middle, half = piece.region.rectangle_m(*size.tolist())
+        _, mid_x, mid_y, half_x, half_y = piece.region
+        middle, half = np.array([mid_x, mid_y]) * size, np.array([half_x, half_y]) * size
         local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - middle
         turn = X[index, 2] - X[on, 2]
         c, s = abs(math.cos(turn)), abs(math.sin(turn))
@@ -502,11 +503,11 @@ class Jointly:
         K, view = self.view.K, self.view
         found = []
         for one in others:
-            region = self.pieces[one].region
-            middle, half = region.rectangle_m(float(size[0]), float(size[1]))
+            share, mid_x, mid_y, half_x, half_y = self.pieces[one].region
+            middle, half = np.array([mid_x, mid_y]) * size[:2], np.array([half_x, half_y]) * size[:2]
             x0, _, x1, y1 = self.pieces[one].thing.box_px
             ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
-            down_m = max(float(view.eye_m[2]) - bottom_m - region.height_m(float(size[2])), _TALLEST_M)
+            down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
             t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
             if self.pieces[one].board is not None:
                 t = min(float(np.hypot(*(X[index, :2] - view.eye_m[:2])) / np.hypot(*ray[:2])), _FARTHEST_M)

@@ -16,7 +16,7 @@ from executor.assets.footprint import region_frame, solid_parts
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.hypothesis import PoseHypothesis, Size, is_round, raycaster_of
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
 from executor.photo.fitting.likelihood import OF_RANGE, is_large, usual_size_m
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import generic_models, is_raised, named_models
@@ -33,8 +33,6 @@ from executor.photo.inputs.usual import (
 from executor.photo.room.beneath import BORDER_SHARE, COMPARTMENTS, is_on_legs
 from oag.model.symbols import has_boards
 
-_Five = tuple[float, float, float, float, float]
-_ENLARGED = 1.04  # Size by which it is told which lengths of a model grow with it.
 _SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
 """Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
 
@@ -51,25 +49,13 @@ _SHELF_M, _SHELF_SPREADS = (
 
 
 class TopOf(NamedTuple):
-    """The top of a model: height, middle and half sides, as shares of its size and what does not grow with it.
+    """The top of a model: height, middle and half sides in shares of its size."""
 
-    A bed is lain on at one height, however high its head is, and the arms of wide sofas are no wider.
-    """
-
-    shares: _Five = (1.0, 0.0, 0.0, 0.5, 0.5)
-    fixed_m: _Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def height_m(self, high_m: float) -> float:
-        """Return its height at a height of the model."""
-        return self.shares[0] * high_m + self.fixed_m[0]
-
-    def rectangle_m(self, long_m: float, wide_m: float) -> tuple[Array, Array]:
-        """Return its middle and its half sides, (2,) each, at sides of the model."""
-        sides = (long_m, wide_m, long_m, wide_m)
-        values = [
-            share * side + more for share, side, more in zip(self.shares[1:], sides, self.fixed_m[1:], strict=True)
-        ]
-        return np.array(values[:2]), np.maximum(values[2:], 0.0)
+    high: float = 1.0
+    x: float = 0.0
+    y: float = 0.0
+    half_x: float = 0.5
+    half_y: float = 0.5
 
 
 _WHOLE = TopOf()
@@ -96,24 +82,15 @@ class Piece:
 
 @cache
 def tops_of(entry: ModelEntry) -> tuple[TopOf, ...]:
-    """Return the tops of a model, the highest at its usual size first."""
-    usual_m = usual_size_m(entry)
-    larger_m = tuple(_ENLARGED * side for side in usual_m)
-    first, second = (_tops_at(entry, (size[0], size[1], size[2])) for size in (usual_m, larger_m))
-    lengths = np.array([usual_m[2], *usual_m[:2], *usual_m[:2]])
-    found = []
-    for small, large in zip(first, second, strict=True):
-        shares = (large - small) / ((_ENLARGED - 1.0) * lengths)
-        z, x, y, half_x, half_y = shares.tolist()
-        found.append(TopOf((z, x, y, half_x, half_y), tuple((small - shares * lengths).tolist())))
-    return tuple(sorted(found, key=lambda top: -top.height_m(usual_m[2])))
-
-
-def _tops_at(entry: ModelEntry, size_m: Size) -> list[Array]:
-    """Return the height, the middle and the half sides, (5,), of every top of a model at a size."""
+    """Return the tops of a model as it has them at its usual size, the highest first."""
+    length, width, height = size_m = usual_size_m(entry)
     thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    frames = (region_frame(thing, region) for region in asset_for(thing).regions)
-    return [np.array([T[2, 3], T[0, 3], T[1, 3], *half]) for T, half in frames]
+    found = []
+    for region in asset_for(thing).regions:
+        T, half = region_frame(thing, region)
+        x, y, z = (float(value) for value in T[:3, 3])
+        found.append(TopOf(z / height, x / length, y / width, float(half[0]) / length, float(half[1]) / width))
+    return tuple(sorted(found, reverse=True))
 
 
 @cache
@@ -155,9 +132,9 @@ def with_region(piece: Piece, below: Piece) -> Piece:
         return piece
     if not has_boards(below.entry.category):
         return replace(piece, region=tops[0])
-    (_, y0, _, y1), high_m = below.thing.box_px, usual_size_m(below.entry)[2]
+    _, y0, _, y1 = below.thing.box_px
     share = (y1 - piece.thing.box_px[3]) / (y1 - y0)
-    return replace(piece, region=min(tops, key=lambda top: abs(top.height_m(high_m) / high_m - share)))
+    return replace(piece, region=min(tops, key=lambda top: abs(top.high - share)))
 
 
 def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:

@@ -14,7 +14,6 @@ from executor.photo.inputs.annotations import FLOOR, WALL, Detection
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.jointly import Jointly
-from executor.photo.room.pieces import tops_of
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
 from executor.photo.separation import separated
 from executor.scenes.support_relations import derive_support_relations, upright_solids
@@ -97,12 +96,6 @@ def test_the_boards_of_a_shelf_are_where_what_is_on_them_ends() -> None:
     assert bottoms_m[0] == bottoms_m[1] < bottoms_m[2] - 0.3
     kept, _ = resolve_overlaps(room.guesses, (), on=room.on, fills=room.fills)
     assert all(abs(kept[key].bottom_m - guess.bottom_m) < 0.03 for key, guess in room.guesses.items())
-
-
-def test_a_top_is_where_a_model_of_any_size_has_it() -> None:
-    (bed, *_), (table, *_) = tops_of(LIBRARY["bed_single"]), tops_of(LIBRARY["table_four_legs"])
-    assert bed.height_m(0.8) == pytest.approx(bed.height_m(1.0)) == pytest.approx(0.44)
-    assert table.height_m(0.8) == pytest.approx(0.8) and table.height_m(0.6) == pytest.approx(0.6)
 
 
 def test_what_is_separated_goes_where_its_outline_stays_in_its_box() -> None:
