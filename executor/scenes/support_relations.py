@@ -141,9 +141,8 @@ def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
 def derive_support_relations(things: Mapping[str, Solid], fallen: Iterable[Solid] = ()) -> Iterator[bddl.Atom]:
     """Yield support relations: `inside` every hollow that contains an object, `ontop` of the nearest top beneath it.
 
-    A thing in another item, such as an apple in a bowl, is on nothing, and what is in a sink is not on the counter under
-    its floor. Furniture is on other furniture only, and what
-    is fixed is on nothing.
+    A thing in another item, such as an apple in a bowl, is on nothing. What is in a sink is not on the counter below.
+    Furniture is on other furniture only, and what is fixed is on nothing.
 
     Args:
         things: The upright objects, which may carry and contain others.
