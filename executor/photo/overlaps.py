@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -18,13 +19,11 @@ from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
+from executor.photo.separation import CLEARANCE_M, Fill, separated
 from oag.model.symbols import Kind, has_boards, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
-
-CLEARANCE_M = 0.001
-"""Between things that were separated."""
 
 EDGE_M = 0.004
 """Between a thing's middle and the edge of its top, at least."""
@@ -38,6 +37,7 @@ _NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_STEPS = 24
 _HIGHER_M = 0.002
+_SHALLOW = 0.2  # Height of a plate, in shares of its shorter side.
 _BOARD_M, _BESIDE_M = 0.5, 0.1
 """Between a thing in a shelf and the board that it stands on, as boards are fitted evenly spaced; and the outline of a
 shelf, whose depth is mostly hidden."""
@@ -58,6 +58,8 @@ def resolve_overlaps(
     same_height_m: float = SAME_HEIGHT_M,
     hung: Collection[str] = (),
     fitted: Mapping[str, PoseHypothesis] | None = None,
+    fills: Mapping[str, Fill] = MappingProxyType({}),
+    on: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[dict[str, PoseHypothesis], list[str]]:
     """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
 
@@ -67,11 +69,15 @@ def resolve_overlaps(
         same_height_m: Tolerance between an object and the top that it stands on.
         hung: Furniture among them that stays where it is.
         fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
+        fills: id -> how well it fills its box; what is moved stays in it as far as it can.
+        on: id -> id of what carries it, where that is known: it is on no other top, and they are not separated.
     """
     room = dict(guesses)
     large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0 and not one.fixed]
     # What carries others is placed before them.
-    small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
+    small = sorted(
+        (key for key in room if key not in large), key=lambda key: (len(_below(key, on)), room[key].bottom_m)
+    )
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
@@ -87,20 +93,56 @@ def resolve_overlaps(
             room[key] = _out_of_walls(room[key], walls)
         for number, key in enumerate(large):
             for other in large[number + 1 :]:
-                room[key], room[other] = _apart(room[key], room[other])
+                known = (fills[key], fills[other]) if key in fills and other in fills else None
+                room[key], room[other] = _apart(room[key], room[other], known)
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
-    notes = _put_on_tops(room, small, same_height_m, hung)
+    for key in small:
+        _flatten(room, key, [room[one] for one in small if on.get(one) == key])
+    notes = _put_on_tops(room, small, same_height_m, hung, on)
     for _ in range(_ROUNDS):
         for number, key in enumerate(small):
             for other in small[number + 1 :]:
+                if other in _below(key, on) or key in _below(other, on):
+                    continue
                 if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
-                    room[key], room[other] = _pushed(room[key], room[other])
+                    known = (fills[key], fills[other]) if key in fills and other in fills else None
+                    room[key], room[other] = separated(room[key], room[other], known)
     return room, [*notes, *_moves(guesses if fitted is None else fitted, room)]
 
 
+def _below(key: str, on: Mapping[str, str]) -> list[str]:
+    """Return what carries a thing, and what carries that one."""
+    found: list[str] = []
+    while (key := on.get(key, "")) and key not in found:
+        found.append(key)
+    return found
+
+
+def _flatten(room: dict[str, PoseHypothesis], key: str, carried: Sequence[PoseHypothesis]) -> None:
+    """Make a plate flat on which things reach over its rim: there they stay where they were seen."""
+    plate = room[key].as_object()
+    if not carried or not is_item(room[key]) or room[key].size_m[2] > _SHALLOW * min(room[key].size_m[:2]):
+        return
+    for region in asset_for(plate).regions:
+        T, half = region_frame(plate, region)
+        sunk = region.kind == "surface" and float(T[2, 3]) < room[key].bottom_m + room[key].size_m[2] - _HIGHER_M
+        reaches = (
+            np.abs(T[:2, :2].T @ (np.array([one.x_m, one.y_m]) - T[:2, 3])) + min(one.size_m[:2]) / 2 for one in carried
+        )
+        if sunk and any((reach > half).any() for reach in reaches):
+            shape = GENERIC["generic_cylinder" if is_round(room[key].entry) else "generic_box"]
+            flat = replace(room[key], entry=replace(shape, category=room[key].entry.category), parameters=())
+            room[key] = flat if raycaster_of(flat) is not None else room[key]
+            return
+
+
 def _put_on_tops(
-    room: dict[str, PoseHypothesis], small: Sequence[str], same_height_m: float, hung: Collection[str]
+    room: dict[str, PoseHypothesis],
+    small: Sequence[str],
+    same_height_m: float,
+    hung: Collection[str],
+    on: Mapping[str, str],
 ) -> list[str]:
     """Put each small thing onto its top, or down; report what hangs and what had no top."""
     farthest_m = _FARTHEST_M if same_height_m <= SAME_HEIGHT_M else _GUESSED_FAR_M
@@ -115,6 +157,11 @@ def _put_on_tops(
                 notes.append(f"{key} hangs {room[key].bottom_m:.2f} m above the floor, by its box alone")
             continue
         fitted = room[key]
+        if key in on:
+            carrier = {on[key]: room[on[key]]} if on[key] in room else {}
+            room[key] = _on_its_top(fitted, carrier, _BOARD_M, farthest_m, is_known=True)
+            if room[key] is not fitted:
+                continue
         # A thing between boards is on one of them, however the others are fitted, and on no neighbour's.
         boarded = _boarded(fitted, others)
         items = {other: one for other, one in others.items() if is_item(one)}
@@ -211,7 +258,9 @@ def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesi
     return guess
 
 
-def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+def _apart(
+    first: PoseHypothesis, second: PoseHypothesis, fills: tuple[Fill, Fill] | None
+) -> tuple[PoseHypothesis, PoseHypothesis]:
     """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
     deep_m = _footprint(first).depth_m(_footprint(second))
     # A chair may stand under a table: their parts decide.
@@ -225,7 +274,7 @@ def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesi
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
         return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
-    return _pushed(first, second)
+    return separated(first, second, fills)
 
 
 def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
@@ -273,35 +322,6 @@ def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis
     return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
 
 
-def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
-    """Move the smaller of two objects along the axis of least overlap; what is fixed only along its wall."""
-    a, b = _footprint(first), _footprint(second)
-    if a.depth_m(b) <= 0.0 or overlap_depth_m(solid_parts(first.as_object()), solid_parts(second.as_object())) <= 0.0:
-        return first, second
-    second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
-    if first.fixed is not second.fixed:
-        second_gives = first.fixed
-    axes = [_axes(one.yaw_rad) for one in (a, b)]
-    # What hangs keeps its back on its wall.
-    tried = [axes[second_gives][1]] if first.fixed and second.fixed else [*axes[0], *axes[1]]
-    least: tuple[float, np.ndarray] | None = None
-    for axis in tried:
-        mine, theirs = a.corners_m @ axis, b.corners_m @ axis
-        for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
-            if least is None or over_m < least[0]:
-                least = float(over_m), direction
-    if least is None:
-        return first, second
-    by = (least[0] + CLEARANCE_M) * least[1]
-    return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
-
-
-def _axes(yaw_rad: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the own x and y axis (2,) of a heading."""
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    return np.array([c, s]), np.array([-s, c])
-
-
 def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
     """Return whether an object stands above another's bottom and within its outline: in a bowl, on a plate."""
     mine, theirs = _footprint(thing), _footprint(other)
@@ -309,7 +329,12 @@ def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
 
 
 def _on_its_top(
-    guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float, farthest_m: float
+    guess: PoseHypothesis,
+    others: Mapping[str, PoseHypothesis],
+    same_height_m: float,
+    farthest_m: float,
+    *,
+    is_known: bool = False,
 ) -> PoseHypothesis:
     """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
@@ -320,9 +345,9 @@ def _on_its_top(
     for other in others.values():
         on_item = is_item(other)
         is_loose = on_item or other.bottom_m > 0.0
-        if on_item and other.bottom_m > guess.bottom_m:
+        if on_item and other.bottom_m > guess.bottom_m and not is_known:
             continue
-        if on_item and same_height_m > SAME_HEIGHT_M and not carries(other.entry.category):
+        if on_item and same_height_m > SAME_HEIGHT_M and not is_known and not carries(other.entry.category):
             # Of a variation, what is before a thing may seem to be below it.
             continue
         carrier = other.as_object()
@@ -332,7 +357,7 @@ def _on_its_top(
             if on_item and min(guess.size_m[:2]) > 2 * min(half):
                 # On a plate, what is wider than its hollow rests on the rim.
                 level_m = other.bottom_m + other.size_m[2]
-            beside = on_item and level_m > guess.bottom_m + guess.size_m[2] / 2
+            beside = on_item and not is_known and level_m > guess.bottom_m + guess.size_m[2] / 2
             if beside or abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
@@ -343,12 +368,17 @@ def _on_its_top(
             own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
             c, s = abs(math.cos(own)), abs(math.sin(own))
             reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
-            free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - EDGE_M, 0.0)
+            # It may reach over the edge of a top, not into the side of a sink.
+            share = 1.0 if region.kind == "interior" else _ON_TOP
+            share = 0.0 if on_item and is_known and region.kind == "surface" else share
+            free = _ON_ITEM * half if on_item and share > 0.0 else np.maximum(half - share * reach - EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
             is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
-            by = not is_over, math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
-            if aside_m < (min(other.size_m[:2]) / 2 if on_item else farthest_m) and (best is None or by < best[0]):
+            # Of a plate in a sink, what is over both is on the plate.
+            by = not is_over, -level_m if is_over else math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            near_m = min(other.size_m[:2]) / 2 if on_item and not is_known else farthest_m
+            if aside_m < near_m and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by, replace(guess, x_m=float(x), y_m=float(y), bottom_m=level_m)
     return guess if best is None else best[1]

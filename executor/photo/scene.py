@@ -19,8 +19,9 @@ from executor.assets.footprint import Footprint, overlap_depth_m, solid_parts
 from executor.photo.errors import LostCause
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.geometry.walls import Wall
-from executor.photo.overlaps import CLEARANCE_M, SAME_HEIGHT_M, resolve_overlaps
+from executor.photo.overlaps import SAME_HEIGHT_M, resolve_overlaps
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
+from executor.photo.separation import CLEARANCE_M
 from executor.photo.yielding import YIELDS, clear_walls, yielding
 from executor.scenes.file import complete_scene
 from executor.scenes.placement import robot_has_room
@@ -113,7 +114,7 @@ def made_of(
         fitted: id -> pose with which reported moves are compared; None: the hypotheses.
     """
     hung = {thing.id for thing in found.things if thing.fit.hangs}
-    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung, fitted)
+    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung, fitted, found.fills, found.on)
     labels = [thing.detection.label for thing in found.things]
     names = {
         thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]), labels)

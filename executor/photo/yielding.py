@@ -15,9 +15,10 @@ from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import carries
-from executor.photo.overlaps import CLEARANCE_M, EDGE_M, SAME_HEIGHT_M
+from executor.photo.overlaps import EDGE_M, SAME_HEIGHT_M
 from executor.photo.room.estimate import is_item
 from executor.photo.room.reconstruct import FittedThing
+from executor.photo.separation import CLEARANCE_M
 from oag import Scene, SceneObject
 from oag.model.symbols import Kind
 

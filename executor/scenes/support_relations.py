@@ -99,6 +99,11 @@ class Solid:
                 heights.append(other.body.low_m - float(T[2, 3]))
         return min(heights, key=abs, default=None)
 
+    def is_above(self, other: Solid, floor_m: float) -> bool:
+        """Return whether the floor of a hollow, that this object is in, is above another one's top beneath it."""
+        above_m = other.height_above_top_m(self)
+        return above_m is not None and self.body.low_m - above_m < floor_m - _AS_NEAR_M
+
     def within_m(self, point_m: Array, height_m: float) -> float:
         """Return a point's (2,) distance from the edges of a top at a height; minus infinity without such a top."""
         tops = [(T, half) for T, half in self.tops if abs(float(T[2, 3]) - height_m) < NEAR_M]
@@ -136,8 +141,8 @@ def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
 def derive_support_relations(things: Mapping[str, Solid], fallen: Iterable[Solid] = ()) -> Iterator[bddl.Atom]:
     """Yield support relations: `inside` every hollow that contains an object, `ontop` of the nearest top beneath it.
 
-    A thing in another item, such as an apple in a bowl, is on nothing. Furniture is on other furniture only, and what
-    is fixed is on nothing.
+    A thing in another item, such as an apple in a bowl, is on nothing. What is in a sink is not on the counter below.
+    Furniture is on other furniture only, and what is fixed is on nothing.
 
     Args:
         things: The upright objects, which may carry and contain others.
@@ -149,10 +154,13 @@ def derive_support_relations(things: Mapping[str, Solid], fallen: Iterable[Solid
         others = [other for other in things.values() if other is not thing and thing.near(other)]
         if thing.obj.kind is not Kind.ITEM:
             others = [other for other in others if other.obj.kind is not Kind.ITEM and other.obj.category != FLOOR]
-        held_by = [other for other in others if other.hollow_floor_m(thing) is not None]
+        floors_m = {other.obj.id: floor for other in others if (floor := other.hollow_floor_m(thing)) is not None}
+        held_by = [other for other in others if other.obj.id in floors_m]
         yield from (bddl.Atom("inside", (thing.obj.id, other.obj.id)) for other in held_by)
         if not any(other.obj.kind is Kind.ITEM for other in held_by):
-            yield from (bddl.Atom("ontop", (thing.obj.id, support)) for support in thing.stands_on(others))
+            floor_m = max(floors_m.values(), default=-math.inf)
+            clear = [one for one in others if one.obj.id in floors_m or not thing.is_above(one, floor_m)]
+            yield from (bddl.Atom("ontop", (thing.obj.id, support)) for support in thing.stands_on(clear))
 
 
 def door_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:

@@ -1,5 +1,5 @@
 """Generic shapes for things that the library has no model of: a box and a cylinder, both also open at the top, a
-slab on legs, a slab with a slab that stands up from its back, as an open laptop, and a panel on a stand.
+slab on legs, a slab with a slab that stands up from its back, as an open laptop, a panel on a stand, and an open shelf.
 
 Each takes any size. A thing so keeps its own category, which decides whether it is an item or furniture; fingers close
 around the item if it is narrow enough, and things stand on its top or in its hollow.
@@ -23,7 +23,7 @@ from oag.model.symbols import Kind
 THING = "thing"
 """Category of what has no name."""
 
-WITH_BACK = "generic_slab_with_back"
+WITH_BACK, SHELF, PANEL = "generic_slab_with_back", "generic_shelf", "generic_panel_on_stand"
 
 _COLORS: Mapping[str, Color] = {
     "grey": (0.30, 0.30, 0.30),
@@ -41,6 +41,9 @@ _COLORS: Mapping[str, Color] = {
 }
 COLOR = ChoiceParameter("color", tuple(_COLORS))
 LEAN = NumericParameter("lean", 0.2, 0.0, 0.5)
+BOARDS = tuple(NumericParameter(f"board_{number}_share", 0.0, 0.0, 1.0) for number in range(6))
+"""Of a shelf: the height of each board in it, in shares of its own; 0 for none."""
+
 _SYNSET, _LINK = "object.n.01", "body"
 _LEAST_OPEN_M: Vector = (0.012, 0.012, 0.01)  # Of what has walls around a hollow.
 _LEAST_M: Vector = (0.002, 0.002, 0.002)
@@ -52,6 +55,7 @@ _PANEL_SHARE, _CLEAR_SHARE, _FOOT_SHARE, _NECK_SHARE, _FOOT_M = 0.3, 0.25, 0.4, 
 foot and its neck, in shares of half the width; the thickest foot."""
 
 _LEG_SHARE, _LEG_M = 0.15, 0.05  # Of the shorter side; the widest leg.
+_BOARD_SHARE, _BOARD_M = 0.04, 0.02  # Thickness of a shelf's boards, in shares of its shortest side; at most.
 _SLAB_SHARE, _SLAB_M, _BACK_KG_M3 = 0.1, 0.018, 100.0  # Of length or height; thickness and density as of laptops.
 
 
@@ -138,6 +142,35 @@ def panel_on_stand(obj: SceneObject) -> Asset:
     return _made(obj, shapes, surface(_LINK, thick / 2, y, z))
 
 
+def open_shelf(obj: SceneObject) -> Asset:
+    """Return a shelf that is open at its front (-x), with boards where they are measured: things stand on all of them.
+
+    The lowest board is its bottom, the highest its top.
+    """
+    x, y, z = _halves(obj)
+    t = min(2 * _BOARD_SHARE * min(x, y, z), _BOARD_M)
+    board, levels = _board(obj), [t - z]
+    for share in sorted(one.read(obj) for one in BOARDS):
+        level = 2 * z * share - z
+        if levels[-1] + t < level < z - t:
+            levels.append(level)
+    shapes = [
+        board((x - t, -y, -z), (x, y, z)),
+        board((-x, -y, -z), (x - t, t - y, z)),
+        board((-x, y - t, -z), (x - t, y, z)),
+        *(board((-x, t - y, level - t), (x - t, y - t, level)) for level in (*levels, z)),
+    ]
+    regions = [surface(_LINK, x, y, z)]
+    for number, (level, ceiling) in enumerate(itertools.pairwise((*levels, z))):
+        middle, half = (level + ceiling - t) / 2, (ceiling - t - level) / 2
+        regions.append(
+            Region(
+                f"board_{number}", "surface", _LINK, (-t / 2, 0.0, middle), (x - t / 2, y - t, half), (-1.0, 0.0, 0.0)
+            )
+        )
+    return _made(obj, shapes, *regions)
+
+
 def _halves(obj: SceneObject) -> Vector:
     x, y, z = require_size(obj, _LEAST_M)
     return x / 2, y / 2, z / 2
@@ -147,12 +180,12 @@ def _board(obj: SceneObject) -> partial[Shape]:
     return partial(box, color=_COLORS[COLOR.read(obj)], friction=_FRICTION, density_kg_m3=_ITEM_KG_M3)
 
 
-def _made(obj: SceneObject, shapes: Sequence[Shape], region: Region) -> Asset:
+def _made(obj: SceneObject, shapes: Sequence[Shape], *regions: Region) -> Asset:
     """Return an item, or furniture, by the object's kind."""
     x, y, z = _halves(obj)
     extent_m = 2 * x, 2 * y, 2 * z
     make = box_item if obj.kind is Kind.ITEM else fixture
-    return make(obj, _LINK, shapes, extent_m, _SYNSET, region)
+    return make(obj, _LINK, shapes, extent_m, _SYNSET, *regions)
 
 
 _SIDE, _HEIGHT, _LONG = Range(0.01, 3.0), Range(0.01, 2.5), Range(0.06, 1.0)
@@ -166,7 +199,8 @@ GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
             ModelEntry("generic_open_cylinder", THING, _SYNSET, open_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
             ModelEntry(WITH_BACK, THING, _SYNSET, slab_with_back, _LONG, _LONG, _LONG, (COLOR, LEAN)),
-            ModelEntry("generic_panel_on_stand", THING, _SYNSET, panel_on_stand, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry(PANEL, THING, _SYNSET, panel_on_stand, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry(SHELF, THING, _SYNSET, open_shelf, _SIDE, _SIDE, _HEIGHT, (COLOR, *BOARDS)),
         )
     }
 )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from executor.assets.families.generic import GENERIC, THING, WITH_BACK
+from executor.assets.families.generic import GENERIC, PANEL, SHELF, THING, WITH_BACK
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
@@ -77,8 +77,8 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     hollow by its name, such as a sink, is an open box or cylinder, and only that is. A laptop is open or shut.
     """
     category = plain_name(detection.label) or THING
-    # A panel on a stand is for what a box alone tells of: depth shows more.
-    entries = [replace(one, category=category) for one in GENERIC.values() if one.model != "generic_panel_on_stand"]
+    # A panel on a stand and a shelf are for what boxes alone tell of: depth shows more.
+    entries = [replace(one, category=category) for one in GENERIC.values() if one.model not in (PANEL, SHELF)]
     if is_hollow(detection.label):
         kept = {"generic_open_box", "generic_open_cylinder"}
     elif is_folding(detection.label):

@@ -70,6 +70,16 @@ def is_lounge(label: str) -> bool:
     return any(one in _NAMES["lounges"] for one in _endings(label))
 
 
+def is_hot(label: str) -> bool:
+    """Return whether a thing of a name becomes hot: little else than cookware is usually on it."""
+    return any(one in _NAMES["hot"] for one in _endings(label))
+
+
+def is_cookware(label: str) -> bool:
+    """Return whether things of a name are usually put on what becomes hot."""
+    return any(one in _NAMES["cookware"] for one in _endings(label))
+
+
 def is_panel(label: str) -> bool:
     """Return whether a thing of a name is a panel on a stand, below which other things are seen."""
     return any(one in _NAMES["panels"] for one in _endings(label))

@@ -22,7 +22,7 @@ from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
 from executor.photo.inputs.annotations import FLOOR, Detection, plain_name
-from executor.photo.inputs.usual import carries, hung_depth_m
+from executor.photo.inputs.usual import carries, hung_depth_m, is_inset
 from llm.vision import overlap
 from oag.model.symbols import Kind, has_boards, is_known, kind_of
 
@@ -81,7 +81,9 @@ def is_furniture(detection: Detection) -> bool:
 
 
 def is_piece(thing: Detection) -> bool:
-    """Return whether a thing is furniture by the noun of its name: a desk divider is none."""
+    """Return whether a thing is furniture by the noun of its name: a desk divider is none, nor a sink in a counter."""
+    if is_inset(thing.label):
+        return False
     noun = (plain_name(thing.label) or "").split("_")[-1]
     return is_furniture(thing) and (is_known(noun) or thing.category in {entry.category for entry in LIBRARY.values()})
 
@@ -190,6 +192,7 @@ class RoomEstimate:
         detections: The boxes.
         fits: index of a detection -> its fit.
         lost: index -> why it has no fit.
+        on: index -> what carries it, where boxes and names decide that.
         scale_share: Relative uncertainty of the picture's scale, without depth.
         feet_m: index of furniture -> (N, 3) where things on it touch its top, where they hide that.
         seemingly_on: With depth, what each box seems to be on by the picture: another one, FLOOR or WALL.
@@ -208,6 +211,7 @@ class RoomEstimate:
         self.feet_m, self.seemingly_on = feet_m, seemingly_on
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
+        self.on: dict[int, int] = {}
         self._layers = Layers(observation, walls)
 
     @property

@@ -22,7 +22,7 @@ from executor.photo.fitting.fit import fit_on_wall
 from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_models
+from executor.photo.fitting.starts import LEAST_POINTS, foot_of, generic_models, named_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import WALL, Detection
@@ -51,6 +51,7 @@ _FURNITURE_DEEP_M = 0.35  # Of wall cabinets and shelves.
 _TAKEN_M = 0.4  # Largest side of what people take in a hand.
 _DEEP_M = 0.08  # Of what nothing says how far it stands out.
 _AT_NOTHING_M = 2.5  # In a room of which nothing else is known.
+_ABOVE_FLOOR_M = 0.1  # Of what hangs, at least.
 
 
 def hung(room: RoomEstimate, index: int, around: SearchContext, on: int | None = None) -> Fit | None:
@@ -204,6 +205,9 @@ def _by_box(room: RoomEstimate, index: int, around: SearchContext, usual_m: floa
         key: fit.guess for key, fit in room.fits.items() if not is_item(fit.guess) and fit.guess.bottom_m == 0.0
     }
     far_m = _wall_m(room.detections, standing, box_px, toward)
+    if (foot := foot_of(view, box_px, _ABOVE_FLOOR_M)) is not None:
+        # It ends above where its wall meets the floor.
+        far_m = min(far_m, float(foot @ toward))
     away = math.atan2(toward[1], toward[0])
     turns = [heading + quarter * math.pi / 2 for heading in around.near.headings_rad for quarter in range(4)]
     along_lines = min(turns, key=lambda turn: abs(math.remainder(turn - away, 2 * math.pi)), default=away)

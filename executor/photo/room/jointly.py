@@ -11,182 +11,43 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from executor.assets.families.generic import GENERIC, WITH_BACK
-from executor.assets.footprint import region_frame, solid_parts
-from executor.assets.library import LIBRARY, asset_for
+from executor.assets.families.generic import BOARDS, GENERIC, SHELF
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.hypothesis import PoseHypothesis, Size, is_round, raycaster_of
-from executor.photo.fitting.likelihood import OF_RANGE, is_large, usual_size_m
-from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import generic_models, is_raised, named_models
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
+from executor.photo.fitting.likelihood import is_large
 from executor.photo.geometry.observation import Observation
-from executor.photo.inputs.annotations import Detection
-from executor.photo.inputs.usual import (
-    is_lounge,
-    is_mostly_open,
-    is_panel,
-    is_seat,
-    usual_height_m,
-    usual_length_m,
-    usual_thickness_m,
-)
-from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden, is_on_legs
+from executor.photo.inputs.usual import is_hollow, is_lounge, is_seat
+from executor.photo.room.beneath import BORDER_SHARE, is_foot_hidden
+from executor.photo.room.pieces import Piece, edges_of, modelled, parts_of, shapes_of, sizes_of, snapped, with_region
+from llm.vision import overlap
 from oag.model.symbols import has_boards
-
-Regions = tuple[tuple[float, float, float, float, float], ...]
-"""Of the tops of a model: height, middle and half sides, in shares of its size."""
 
 _BOX_SHARE, _BOX_PX = 0.015, 1.0  # How exact boxes are.
 _ROBUST = 4.0  # Standard deviations from where on a side of a box counts in proportion.
 _NEAREST_M = 0.05
 _HIDDEN = 0.2  # Weight of a lower end that something hides.
-_SPREAD_LARGE, _SPREAD_TALL, _SPREAD_ITEM, _LEAST_SPREAD = 0.30, 0.12, 0.20, 0.08
-"""Standard deviations of logarithms of sizes: sides and height of furniture, items, and at least."""
-
-_LYING_SPREAD, _LONG_SPREAD, _ASPECT, _UPRIGHT = 0.20, 0.20, 0.45, 0.8
-_ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing: longest sides; height of furniture.
-_ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
 _EDGE_M, _ON_TOP = 0.01, 0.4  # Of a top; share of a thing's half sides that lies on it.
 _ASIDE_M, _APART_M, _TOUCH_M, _SAME_M, _SEEN_M = 0.01, (0.01, 0.002), 0.008, 0.02, 0.02
+_BEFORE_M, _AROUND_M = 0.2, 0.05  # Free way before the camera; deviation.
 _HEADING_RAD, _FACING, _FACING_CARRIER = 0.15, 0.6, 3.0
-_MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _HEADINGS, _NEARER = 8, (1.0, 0.75)
+_TURN = np.array([0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0])
 MOST_STEPS = 12
 """Of the search for all things at once."""
 
 _FIRST, _FOLLOWED, _SECOND = 6, 2, 12  # Steps of every start; how many of them are followed, and their steps.
+_POOR, _BETTER = 0.7, 0.15  # IoU of an outline with its box, below which it is started again; gain by another shape.
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
-_ROUND_SIDES = 8
+_LEVEL_M = 0.02
 _SLOPE, _LOOSEST = 1e-4, 1e-6  # Step of differences; of the sharpest direction: looser ones are unknown.
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One thing of the problem.
-
-    Attributes:
-        thing: Its detection.
-        entry: Its model.
-        on: What carries it: another piece's number, FLOOR or WALL.
-        region: Of its support's top.
-    """
-
-    thing: Detection
-    entry: ModelEntry
-    on: int
-    region: tuple[float, float, float, float, float] = (1.0, 0.0, 0.0, 0.5, 0.5)
-
-
-@cache
-def regions_of(entry: ModelEntry, size_m: Size | None = None) -> Regions:
-    """Return the tops of a model at a size, by default its usual one, the highest first."""
-    size_m = size_m or usual_size_m(entry)
-    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    sides = np.array(size_m)
-    found = []
-    for region in asset_for(thing).regions:
-        T, half = region_frame(thing, region)
-        x, y, z = np.asarray(T)[:3, 3] / sides
-        found.append((float(z), float(x), float(y), float(half[0]) / size_m[0], float(half[1]) / size_m[1]))
-    return tuple(sorted(found, reverse=True))
-
-
-@cache
-def _edges(entry: ModelEntry) -> Array:
-    """Return (24, 2, 3) the edges of a model's hull in a unit box: of a box, or of a prism where it is round."""
-    if is_round(entry):
-        turns = 2 * math.pi * (np.arange(_ROUND_SIDES + 1) + 0.5) / _ROUND_SIDES
-        ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) / 2
-        low, high = (np.column_stack([ring, np.full(len(ring), z)]) for z in (-0.5, 0.5))
-        level = [np.stack([one[:-1], one[1:]], axis=1) for one in (low, high)]
-        return np.concatenate([*level, np.stack([low[:-1], high[:-1]], axis=1)])
-    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
-    pairs = [(a, b) for a, b in itertools.combinations(corners, 2) if int((a != b).sum()) == 1]
-    return np.array(pairs + pairs)
-
-
-@cache
-def _parts(entry: ModelEntry) -> Array:
-    """Return (N, 2, 3) lowest and highest corners of the solid parts of a model in a unit box, boxes of all."""
-    size_m = usual_size_m(entry)
-    if entry.model in ("generic_box", "generic_cylinder"):
-        return np.array([[[-0.5] * 3, [0.5] * 3]])
-    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    found = []
-    for part in solid_parts(thing):
-        c, s = abs(math.cos(part.yaw_rad)), abs(math.sin(part.yaw_rad))
-        half = np.array([c * part.half_x_m + s * part.half_y_m, s * part.half_x_m + c * part.half_y_m])
-        low = [*(np.array([part.x_m, part.y_m]) - half), part.low_m - size_m[2] / 2]
-        high = [*(np.array([part.x_m, part.y_m]) + half), part.high_m - size_m[2] / 2]
-        found.append(np.array([low, high]) / size_m)
-    largest = sorted(found, key=lambda one: -float(np.prod(one[1] - one[0])))[:6]
-    return np.array(largest)
-
-
-def with_region(piece: Piece, below: Piece) -> Piece:
-    """Return a piece with the top of its support that it is on: the board next to where its box ends."""
-    regions = regions_of(below.entry)
-    if not regions:
-        return piece
-    if not has_boards(below.entry.category):
-        return replace(piece, region=regions[0])
-    _, y0, _, y1 = below.thing.box_px
-    share = (y1 - piece.thing.box_px[3]) / (y1 - y0)
-    return replace(piece, region=min(regions, key=lambda region: abs(region[0] - share)))
-
-
-def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:
-    """Return a pose with the library's model that has its size, else with a generic shape."""
-    named = with_parts([entry for entry in named_models(thing) if entry.model in LIBRARY], thing.doors, thing.drawers)
-    rated = sorted((_misfit(entry, guess), number) for number, entry in enumerate(named))
-    for misfit, number in rated:
-        one = replace(guess, entry=named[number])
-        if misfit < _MISFIT and raycaster_of(one) is not None:
-            return one
-    shapes = shapes_of(view, thing)
-    for entry in shapes:
-        one = replace(guess, entry=entry)
-        if raycaster_of(one) is not None:
-            return one
-    size = np.clip(guess.size_m, 0.01, 3.0)
-    return replace(guess, entry=shapes[0], size_m=(float(size[0]), float(size[1]), float(size[2])))
-
-
-def shapes_of(view: Observation, thing: Detection) -> list[ModelEntry]:
-    """Return the generic shapes of a thing, the likeliest first.
-
-    Under a table other things are seen, a laptop may stand open, and most bowls do.
-    """
-    shapes = generic_models(thing)
-    if is_panel(thing.label):
-        return [replace(GENERIC["generic_panel_on_stand"], category=shapes[0].category), *shapes]
-    likeliest = shapes[0].model
-    if is_on_legs(thing):
-        likeliest = "generic_slab_on_legs"
-    elif is_raised(view, thing, 0.0):  # By a lower plane its proportions are the same.
-        likeliest = WITH_BACK
-    elif is_mostly_open(thing.label):
-        likeliest = "generic_open_box"
-    return sorted(shapes, key=lambda entry: entry.model != likeliest)
-
-
-def _misfit(entry: ModelEntry, guess: PoseHypothesis) -> float:
-    """Return the largest logarithm by which a side is beyond the sizes of a model."""
-    width = guess.size_m[1]
-    worst = 0.0
-    for value, span in zip(guess.size_m, (entry.length, entry.width, entry.height), strict=True):
-        unit = width if span.of_width else 1.0
-        worst = max(worst, math.log(span.low * unit / value), math.log(value / (span.high * unit)))
-    return worst
 
 
 class Jointly:
@@ -205,7 +66,7 @@ class Jointly:
         self.base_m = np.zeros(count)  # Lower ends of what hangs.
         self.placed = np.zeros(count, dtype=bool)
         width, height = view.size_px
-        self._box = np.array([_snapped(piece.thing.box_px, width, height) for piece in pieces])
+        self._box = np.array([snapped(piece.thing.box_px, width, height) for piece in pieces])
         things = [piece.thing for piece in pieces]
         self._hidden_low = np.array([is_foot_hidden(view, things, index) for index in range(count)])
         sides = np.tile(self._box[:, 2:] - self._box[:, :2], 2)
@@ -217,16 +78,26 @@ class Jointly:
             [[K.fx, 0, K.cx], [-K.fx, 0, width - K.cx], [0, K.fy, K.cy], [0, -K.fy, height - K.cy], [0, 0, 1.0]]
         )
         self._near_m = near_m
-        self._edges = np.array([_edges(piece.entry) for piece in pieces])
-        self._prior, self._spread = (np.array(one) for one in zip(*(_sizes(piece) for piece in pieces), strict=True))
+        self._edges = np.array([edges_of(piece.entry) for piece in pieces])
+        self._prior, self._spread = (np.array(one) for one in zip(*(sizes_of(piece) for piece in pieces), strict=True))
         self._large = np.array([is_large(piece.entry) for piece in pieces])
-        self._parts = [_parts(piece.entry) for piece in pieces]
+        self._parts = [parts_of(piece.entry) for piece in pieces]
         self._facing = np.array([self._faces(index) for index in range(count)])
         self._order = sorted(range(count), key=self._depth)
         self._above = [[j for j in range(count) if self.pieces[j].on == i] for i in range(count)]
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
         self._ray = [self._sight(box) for box in self._box]
+        self._foot = [self._sight(box[[0, 3, 2, 3]])[1] for box in self._box]
+        for index, piece in enumerate(pieces):
+            self._hidden_low[index] |= piece.board is not None and self._foot[index] > 0.0
+        # What is on a board with each piece, itself too.
+        self._level_with = [
+            [other for other, two in enumerate(pieces) if (two.on, two.board) == (one.on, one.board)]
+            if one.board is not None
+            else []
+            for one in pieces
+        ]
         heading = view.heading_rad
         self._headings = [] if heading is None else [heading + turn * math.pi / 2 for turn in range(4)]
 
@@ -255,8 +126,8 @@ class Jointly:
     def _model(self, index: int, entry: ModelEntry) -> None:
         """Take a model for a piece, with the tops on which others are."""
         self.pieces[index] = replace(self.pieces[index], entry=entry)
-        self._edges[index], self._parts[index] = _edges(entry), _parts(entry)
-        self._prior[index], self._spread[index] = _sizes(self.pieces[index])
+        self._edges[index], self._parts[index] = edges_of(entry), parts_of(entry)
+        self._prior[index], self._spread[index] = sizes_of(self.pieces[index])
         for one in self._above[index]:
             self.pieces[one] = with_region(self.pieces[one], self.pieces[index])
 
@@ -265,10 +136,12 @@ class Jointly:
         for index in (one for one in self._order if one in free):
             if not self.placed[index]:
                 self._start(index)
-                entry = modelled(self.view, self.pieces[index].thing, self.pose(index)).entry
+                own = self.pieces[index]
+                is_shelf = own.entry.model == SHELF
+                entry = own.entry if is_shelf else modelled(self.view, own.thing, self.pose(index)).entry
                 if entry != self.pieces[index].entry:
                     self._model(index, entry)
-                    self._start(index)
+                    self._start(index, [self.X[index] + turn * _TURN for turn in range(4)])
                 self.placed[index] = True
         rows = list(free)
         if not rows or not evaluations:
@@ -280,7 +153,9 @@ class Jointly:
             return self._residuals(X, rows)
 
         # Overlaps count more in the end, when all else has found its place.
-        for self._apart_m in _APART_M:
+        for number, self._apart_m in enumerate(_APART_M):
+            if number:
+                self._start_again(rows)
             found = least_squares(residuals, self.X[rows].ravel(), x_scale="jac", max_nfev=evaluations)
             self.X[rows] = found.x.reshape(-1, 6)
 
@@ -290,14 +165,29 @@ class Jointly:
         length, width, height = (math.exp(one) for one in logs)
         if is_round(self.pieces[index].entry):
             length = width
-        bottom_m = float(self._bottoms(self.X)[index])
-        return PoseHypothesis(self.pieces[index].entry, x, y, yaw, max(0.0, bottom_m), (length, width, height))
+        bottoms, entry = self._bottoms(self.X), self.pieces[index].entry
+        bottom_m = max(0.0, float(bottoms[index]))
+        guess = PoseHypothesis(entry, x, y, yaw, bottom_m, (length, width, height))
+        if entry.model != SHELF:
+            return guess
+        boards = {self.pieces[one].board: one for one in self._above[index] if self.pieces[one].board is not None}
+        levels = {
+            int(board): (float(bottoms[one]) - bottom_m) / height for board, one in boards.items() if board is not None
+        }
+        shares = {BOARDS[board].name: min(max(level, 0.0), 1.0) for board, level in levels.items()}
+        return guess.with_parameters(**shares)
 
     def put(self, index: int, guess: PoseHypothesis) -> None:
         """Place a piece where it is known to be."""
         self.X[index] = [guess.x_m, guess.y_m, guess.yaw_rad, *np.log(guess.size_m)]
         self.base_m[index], self.placed[index] = guess.bottom_m, True
         self._model(index, guess.entry)
+
+    def go_on(self, begun: Jointly) -> None:
+        """Take the state of the same problem as it was begun before."""
+        self.X, self.base_m, self.placed = begun.X.copy(), begun.base_m.copy(), begun.placed.copy()
+        for index, piece in enumerate(begun.pieces):
+            self._model(index, piece.entry)
 
     def spread_m(self, index: int) -> tuple[float, float]:
         """Return the standard deviations of a piece's place, in its worst direction, and of its worst side.
@@ -320,21 +210,39 @@ class Jointly:
         return math.sqrt(max(0.0, place)), float(sides_m.max())
 
     def _bottoms(self, X: Array) -> Array:
-        bottoms = self.base_m.copy()
+        bottoms, levels = self.base_m.copy(), dict[tuple[int, int], float]()
         for index in self._order:
-            on = self.pieces[index].on
-            if on >= 0:
-                bottoms[index] = bottoms[on] + self.pieces[index].region[0] * math.exp(min(X[on, 5], 3.0))
+            on, board = self.pieces[index].on, self.pieces[index].board
+            if board is not None:
+                if (on, board) not in levels:
+                    levels[on, board] = self._level_m(X, index)
+                bottoms[index] = max(levels[on, board], bottoms[on])
+            elif on >= 0:
+                bottoms[index] = bottoms[on] + self.pieces[index].region.high * math.exp(min(X[on, 5], 3.0))
         return bottoms
 
-    def _bounds(self, X: Array, rows: Sequence[int]) -> Array:
+    def _level_m(self, X: Array, index: int) -> float:
+        """Return the height of a board: where what is on it ends, at its distance.
+
+        Of a board above the camera the front edge hides what is on it, and things end there in the picture.
+        """
+        on, (eye_x, eye_y, eye_z) = self.pieces[index].on, self.view.eye_m.tolist()
+        levels = []
+        for one in self._level_with[index]:
+            if self.placed[one] or one == index:
+                x, y, _, length, width, _ = X[on if self._foot[one] > 0.0 else one].tolist()
+                away_m = math.hypot(x - eye_x, y - eye_y) - math.exp(min(length, width, 3.0)) / 2
+                levels.append(self._foot[one] * max(away_m, _NEAREST_M))
+        return float(eye_z) + sum(levels) / len(levels)
+
+    def _bounds(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return (N, 4) the boxes of what the picture shows of some pieces, or of all of each that it does not show."""
         some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
         c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
         local = self._edges[rows] * sizes[:, None, None]
         x = c[:, None, None] * local[..., 0] - s[:, None, None] * local[..., 1] + some[:, 0, None, None]
         y = s[:, None, None] * local[..., 0] + c[:, None, None] * local[..., 1] + some[:, 1, None, None]
-        z = local[..., 2] + (self._bottoms(X)[rows] + sizes[:, 2] / 2)[:, None, None]
+        z = local[..., 2] + (bottoms[rows] + sizes[:, 2] / 2)[:, None, None]
         at = (np.stack([x, y, z], axis=-1) - self.view.eye_m) @ self.view.R_camera_level.T
         # Both ends' distances from each plane, above 0 in the picture.
         inside = at @ self._planes.T - self._near_m
@@ -357,15 +265,19 @@ class Jointly:
         return np.concatenate([low, high], axis=1)
 
     def _residuals(self, X: Array, rows: Sequence[int]) -> Array:
-        parts = [self._box_residuals(X, rows), self._size_residuals(X, rows), self._turn_residuals(X, rows)]
         bottoms = self._bottoms(X)
-        parts += [self._on_top(X, index) for index in rows if self.pieces[index].on >= 0]
+        parts = [
+            self._box_residuals(X, bottoms, rows),
+            self._size_residuals(X, rows),
+            self._turn_residuals(X, bottoms, rows),
+        ]
+        parts += [self._on_top(X, bottoms, index) for index in rows if self.pieces[index].on >= 0]
         parts.append(self._apart(X, bottoms, rows))
         return np.concatenate(parts)
 
-    def _box_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+    def _box_residuals(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return how far outlines are off their boxes, in standard deviations; a hidden foot may be lower."""
-        off = (self._bounds(X, rows) - self._box[rows]) / self._sigma[rows]
+        off = (self._bounds(X, bottoms, rows) - self._box[rows]) / self._sigma[rows]
         off[:, 3] = np.where(self._hidden_low[rows] & (off[:, 3] > 0.0), _HIDDEN * off[:, 3], off[:, 3])
         return _robust(off, _ROBUST).ravel()
 
@@ -376,29 +288,46 @@ class Jointly:
         values = np.stack([L, W, H, L - W, H - W, longest], axis=1)
         return np.asarray((values - self._prior[rows]) / self._spread[rows]).ravel()
 
-    def _turn_residuals(self, X: Array, rows: Sequence[int]) -> Array:
+    def _around_camera(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
+        """Return how far pieces that are about as high as the camera are around it, (N,)."""
+        some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
+        c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
+        off = self.view.eye_m[:2] - some[:, :2]
+        local = np.abs(np.stack([c * off[:, 0] + s * off[:, 1], c * off[:, 1] - s * off[:, 0]], axis=1))
+        within_m = (sizes[:, :2] / 2 + _BEFORE_M - local).min(axis=1)
+        as_high = np.clip((bottoms[rows] + sizes[:, 2] - self.view.eye_m[2]) / _BEFORE_M + 2.0, 0.0, 1.0)
+        return np.asarray(np.maximum(within_m, 0.0) * as_high / _AROUND_M)
+
+    def _turn_residuals(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return how far furniture is turned out of the room's lines and away from the camera."""
         some = X[rows]
         away = np.arctan2(some[:, 1], some[:, 0])
         facing = self._facing[rows] * (1.0 - np.cos(some[:, 2] - away))
+        facing = np.concatenate([facing, self._around_camera(X, bottoms, rows)])
         if not self._headings:
             return facing
         askew = np.sin(2 * (some[:, 2] - self._headings[0])) / (2 * _HEADING_RAD)
         return np.concatenate([facing, askew * self._large[rows]])
 
-    def _on_top(self, X: Array, index: int) -> Array:
+    def _on_top(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far the middle of a piece is beside its top, (2,)."""
         piece, on = self.pieces[index], self.pieces[index].on
-        _, mid_x, mid_y, half_x, half_y = piece.region
         size, own = np.exp(X[on, 3:5]), np.exp(X[index, 3:5])
-        local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - np.array([mid_x, mid_y]) * size
+        _, mid_x, mid_y, half_x, half_y = piece.region
+        middle, half = np.array([mid_x, mid_y]) * size, np.array([half_x, half_y]) * size
+        local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - middle
         turn = X[index, 2] - X[on, 2]
         c, s = abs(math.cos(turn)), abs(math.sin(turn))
         reach = np.array([c * own[0] + s * own[1], s * own[0] + c * own[1]]) / 2
-        half = np.array([half_x, half_y]) * size
-        # On an item, all of a thing is within its top or its rim.
-        free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if self._large[on] else reach), 0.0)
-        return np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+        # On an item, and in a sink, all of a thing is within its top or its rim.
+        is_top = self._large[on] and not is_hollow(self.pieces[on].thing.label)
+        free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if is_top else reach), 0.0)
+        beside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+        if piece.board is None:
+            return beside
+        own_m, height_m = np.exp(np.clip(X[[index, on], 5], -7.0, 3.0))
+        above_m = float(bottoms[index] - bottoms[on] + own_m - height_m)
+        return np.append(beside, max(0.0, above_m) / _LEVEL_M)
 
     def _solids(self, X: Array, bottoms: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return (N, 7) the solid parts of placed pieces: middle, half sides, lower end and turn; and whose (N,)."""
@@ -478,21 +407,51 @@ class Jointly:
         self._known_pairs = {(owners, rows): (pairs[:, 0], pairs[:, 1])}
         return pairs[:, 0], pairs[:, 1]
 
-    def _start(self, index: int) -> None:
+    def _start_again(self, rows: Sequence[int]) -> None:
+        """Start pieces again that do not fill their boxes: what they were started among has moved since."""
+        poor = [index for index in rows if self._filled(index) < _POOR]
+        for index in (one for one in self._order if one in poor):
+            before, entry = self.X[index].copy(), self.pieces[index].entry
+            cost, share = float(np.square(self._alone(self.X, index)).sum()), self._filled(index)
+            self._start(index)
+            if float(np.square(self._alone(self.X, index)).sum()) > cost:
+                self.X[index] = before
+            best, share = self.X[index].copy(), max(share, self._filled(index))
+            if share > _POOR or entry.model in GENERIC:
+                continue
+            # Where no size of the library's model fills the box, the thing is built otherwise.
+            self._model(index, shapes_of(self.view, self.pieces[index].thing)[0])
+            self._start(index)
+            if self._filled(index) < share + _BETTER:
+                self._model(index, entry)
+                self.X[index] = best
+
+    def _filled(self, index: int) -> float:
+        """Return the IoU of a piece's outline with its box."""
+        return overlap(tuple(self._bounds(self.X, self._bottoms(self.X), [index])[0]), tuple(self._box[index]))
+
+    def _alone(self, X: Array, index: int) -> Array:
+        """Return the residuals that a piece has a part in, with what seems to stand on it."""
+        bottoms = self._bottoms(X)
+        parts = [self._box_residuals(X, bottoms, [index]), self._size_residuals(X, [index])]
+        parts += [self._turn_residuals(X, bottoms, [index]), self._carried(X, bottoms, index)]
+        on = [index] if self.pieces[index].on >= 0 else []
+        parts += [
+            self._on_top(X, bottoms, one) for one in (*on, *(one for one in self._above[index] if self.placed[one]))
+        ]
+        parts.append(self._apart(X, bottoms, [index]))
+        return np.concatenate(parts)
+
+    def _start(self, index: int, starts: Sequence[Array] = ()) -> None:
         """Place a piece alone: several turns and distances, each optimised with what seems to stand on it."""
         X = self.X.copy()
 
         def residuals(values: Array) -> Array:
             X[index] = values
-            parts = [self._box_residuals(X, [index]), self._size_residuals(X, [index])]
-            parts += [self._turn_residuals(X, [index]), self._carried(X, index)]
-            if self.pieces[index].on >= 0:
-                parts.append(self._on_top(X, index))
-            parts.append(self._apart(X, self._bottoms(X), [index]))
-            return np.concatenate(parts)
+            return self._alone(X, index)
 
         self.placed[index] = True
-        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in self._starts(index)]
+        begun = [least_squares(residuals, row, x_scale="jac", max_nfev=_FIRST) for row in starts or self._starts(index)]
         begun = sorted(begun, key=lambda one: float(one.cost))[:_FOLLOWED]
         ended = [least_squares(residuals, one.x, x_scale="jac", max_nfev=_SECOND) for one in begun]
         self.X[index] = min(ended, key=lambda one: float(one.cost)).x
@@ -513,6 +472,8 @@ class Jointly:
         cut = bool(self._hidden_low[index]) or y1 > (1 - BORDER_SHARE) * view.size_px[1]
         if not math.isfinite(t) or t * level > _FARTHEST_M:
             t = by_size_m
+        if piece.board is not None:
+            t = float(np.hypot(*(self.X[piece.on, :2] - view.eye_m[:2]))) / level
         reaches = [t * share for share in _NEARER] if not cut else [t, math.sqrt(t * by_size_m), by_size_m]
         away = math.atan2(ray[1], ray[0])
         if is_round(piece.entry):
@@ -525,80 +486,36 @@ class Jointly:
         found = []
         for reach, turn in itertools.product(reaches if self._large[index] else reaches[:1], turns):
             size = logs.copy()
-            if not self._large[index]:
+            if not self._large[index] or (piece.on >= 0 and piece.entry.model in GENERIC):
                 size = size + math.log(max((x1 - x0) / K.fx * reach, 0.01)) - float(logs[1])
             along = reach * level + 0.4 * math.exp(min(size[0], size[1]))
             found.append(np.array([along * math.cos(away), along * math.sin(away), turn, *size]))
         return found
 
-    def _carried(self, X: Array, index: int) -> Array:
+    def _carried(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far things that have no place yet seem to be beside a piece, and off the sizes of their kinds."""
         piece = self.pieces[index]
         others = [one for one in self._above[index] if not self.placed[one]]
         if not others:
             return np.zeros(0)
         size = np.exp(np.clip(X[index, 3:], -7.0, 3.0))
-        bottom_m = self._bottoms(X)[index]
+        bottom_m = bottoms[index]
         K, view = self.view.K, self.view
         found = []
         for one in others:
             share, mid_x, mid_y, half_x, half_y = self.pieces[one].region
+            middle, half = np.array([mid_x, mid_y]) * size[:2], np.array([half_x, half_y]) * size[:2]
             x0, _, x1, y1 = self.pieces[one].thing.box_px
             ray = view.R_camera_level.T @ np.array([((x0 + x1) / 2 - K.cx) / K.fx, (y1 - K.cy) / K.fy, 1.0])
             down_m = max(float(view.eye_m[2]) - bottom_m - share * size[2], _TALLEST_M)
             t = min(down_m / max(-float(ray[2]), 1e-2), _FARTHEST_M)
+            if self.pieces[one].board is not None:
+                t = min(float(np.hypot(*(X[index, :2] - view.eye_m[:2])) / np.hypot(*ray[:2])), _FARTHEST_M)
             at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
-            at -= np.array([mid_x, mid_y]) * size[:2]
-            beside = np.maximum(np.abs(at) - np.array([half_x, half_y]) * size[:2], 0.0) / 0.05
+            beside = np.maximum(np.abs(at - middle) - half, 0.0) / 0.05
             wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
             found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
         return np.array(found)
-
-
-def _sizes(piece: Piece) -> tuple[list[float], list[float]]:
-    """Return means and standard deviations of logarithms of length, width, height, two aspects and the longest side."""
-    entry, label = piece.entry, piece.thing.label
-    if piece.thing.size_m is not None:
-        logs = [math.log(one) for one in piece.thing.size_m]
-        return [*logs, logs[0] - logs[1], logs[2] - logs[1], max(logs)], [0.01, 0.01, 0.01, 1e3, 1e3, 1e3]
-    if entry.model not in GENERIC:
-        logs, spreads = [], []
-        width = (entry.width.low + entry.width.high) / 2
-        large = is_large(entry)
-        for number, span in enumerate((entry.length, entry.width, entry.height)):
-            unit = width if span.of_width else 1.0
-            least = (_SPREAD_TALL if number == 2 else _SPREAD_LARGE) if large else _SPREAD_ITEM
-            logs.append(math.log((span.low + span.high) / 2 * unit))
-            spreads.append(max(OF_RANGE * math.log(span.high / span.low), least, _LEAST_SPREAD))
-        aspect = 0.02 if is_round(entry) else 0.2
-        up = logs[2] - logs[1]
-        return [*logs, logs[0] - logs[1], up, max(logs)], [*spreads, aspect, 0.5, 1e3]
-    high_m, thick_m, long_m = usual_height_m(label), usual_thickness_m(label), usual_length_m(label)
-    any_m = long_m or (_PIECE_M if is_large(entry) else _ITEM_M)
-    logs, spreads = [math.log(any_m * 0.7)] * 3, [1e3] * 3
-    aspects, around = [0.0, 0.0], [_ASPECT, _UPRIGHT]
-    if is_round(entry):
-        around[0] = 0.02
-    if is_large(entry):
-        logs[2], spreads[2] = math.log(_HIGH_M), _PIECE_SPREAD
-    any_spread = _PIECE_SPREAD if is_large(entry) else _ANY_SPREAD
-    if high_m is not None:
-        logs[2], spreads[2], around[1] = math.log(high_m), _LYING_SPREAD, 1e3
-    if thick_m is not None:
-        logs[0], spreads[0], around[0] = math.log(thick_m), _LYING_SPREAD, 1e3
-    return [*logs, *aspects, math.log(any_m)], [*spreads, *around, any_spread if long_m is None else _LONG_SPREAD]
-
-
-def _snapped(box_px: tuple[float, float, float, float], width: int, height: int) -> list[float]:
-    """Return a box that ends at the picture's border where it ends next to it."""
-    x0, y0, x1, y1 = box_px
-    over_x, over_y = BORDER_SHARE * width, BORDER_SHARE * height
-    return [
-        0.0 if x0 < over_x else x0,
-        0.0 if y0 < over_y else y0,
-        float(width) if x1 > width - over_x else x1,
-        float(height) if y1 > height - over_y else y1,
-    ]
 
 
 def _robust(values: Array, most: float) -> Array:

@@ -7,19 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.fit import by_box
 from executor.photo.fitting.hypothesis import as_built, raycaster_of
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import foot_of, named_models
+from executor.photo.fitting.starts import foot_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR, WALL, Detection
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.jointly import MOST_STEPS, Jointly, Piece, modelled, shapes_of, with_region
+from executor.photo.room.jointly import MOST_STEPS, Jointly
+from executor.photo.room.pieces import Piece, library_models, modelled, shapes_of, with_region
 
 _NOTHING: Array = np.zeros((0, 3))
 
@@ -67,8 +66,7 @@ def fit_by_box(room: RoomEstimate, index: int, bottoms_m: Sequence[float] | None
 
 def entry_of(view: Observation, thing: Detection) -> ModelEntry:
     """Return the first model of what a thing is called, else the first generic shape."""
-    named = [entry for entry in named_models(thing) if entry.model in LIBRARY]
-    return (with_parts(named, thing.doors, thing.drawers) or shapes_of(view, thing))[0]
+    return (library_models(thing) or shapes_of(view, thing))[0]
 
 
 def fit_of(room: RoomEstimate, index: int, problem: Jointly, number: int) -> Fit:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 
+import numpy as np
+
 from executor.photo.errors import LostCause
 from executor.photo.fitting.evidence import HUES
 from executor.photo.fitting.hypothesis import PoseHypothesis
@@ -19,6 +21,9 @@ from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.feet import feet_on_furniture, seemingly_on
 from executor.photo.room.fitter import RoomFitter
+from executor.photo.room.jointly import Jointly
+from executor.photo.separation import Fill
+from llm.vision import overlap
 
 _PATTERN, _SHADE, _MORE = 0.05, 0.3, 2.0
 """Share of a hue in what is visible of a thing, share of another colour, which may be a shadow; times that of any other
@@ -71,17 +76,28 @@ class FittedRoom:
         unfitted: Detections that were left out.
         walls: The walls.
         interrupted: Whether Ctrl-C ended it: fits may be rough or absent, and variations are left out.
+        view: The picture; None where nothing is compared with it.
+        on: id -> id of what carries it, where boxes and names tell.
     """
 
     things: tuple[FittedThing, ...]
     unfitted: tuple[Unfitted, ...]
     walls: tuple[Wall, ...]
     interrupted: bool = False
+    view: Observation | None = field(default=None, repr=False)
+    on: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def guesses(self) -> dict[str, PoseHypothesis]:
         """id -> pose hypothesis."""
         return {thing.id: thing.fit.guess for thing in self.things}
+
+    @property
+    def fills(self) -> dict[str, Fill]:
+        """id -> how well a hypothesis fills its box."""
+        if self.view is None:
+            return {}
+        return {thing.id: partial(_filled, self.view, thing.detection.box_px) for thing in self.things}
 
     def without(self, thing: FittedThing, cause: LostCause, detail: str) -> FittedRoom:
         """Remove one object from the room, with a reason."""
@@ -156,6 +172,7 @@ class _Reconstruction:
         self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on)
         self._on_progress, self._found = on_progress, dict(kept)
         self._room = self._new()
+        self._begun: Jointly | None = None
         for index, fit in kept.items():
             self._room.add_fit(index, fit)
         boxes = range(len(detections))
@@ -170,7 +187,7 @@ class _Reconstruction:
     def fitted(self) -> FittedRoom:
         """Fit the furniture, again among all others, then the things on it; compare each with its box in the end."""
         if not self._room.observation.has_depth:
-            fit_without_depth(self._room, self._found, self._on_progress)
+            fit_without_depth(self._room, self._found, self._on_progress, begun=self._begun)
             for index in self._all:
                 self._keep(index)
             return _result(self._room)
@@ -199,7 +216,7 @@ class _Reconstruction:
         rough = [index for index in (*self._standing, *self._carried) if index not in self._found]
         try:
             if not room.observation.has_depth:
-                fit_without_depth(room, self._found, self._on_progress, rough=True)
+                self._begun = fit_without_depth(room, self._found, self._on_progress, rough=True, begun=self._begun)
                 return _result(room)
             for index in rough:
                 fitter.fit_roughly(index, [0.0] if index in self._standing else None)
@@ -231,16 +248,25 @@ def _result(room: RoomEstimate) -> FittedRoom:
         alike = [index for index, own in called.items() if own == name]
         coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: ""}
     counts: Counter[str] = Counter()
-    things, unfitted = [], []
+    things, unfitted, ids = [], [], dict[int, str]()
     for index, detection in enumerate(room.detections):
         fit = room.fits.get(index)
         if fit is None:
             unfitted.append(Unfitted(detection, room.lost[index]))
             continue
         name = f"{coloured[index]}{called[index]}"
-        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit, room.colours(index)))
+        ids[index] = f"{name}_{counts[name]}"
+        things.append(FittedThing(ids[index], detection, fit, room.colours(index)))
         counts[name] += 1
-    return FittedRoom(tuple(things), tuple(unfitted), room.walls)
+    on = {ids[one]: ids[below] for one, below in room.on.items() if one in ids and below in ids}
+    return FittedRoom(tuple(things), tuple(unfitted), room.walls, view=room.observation, on=on)
+
+
+def _filled(view: Observation, box_px: tuple[float, float, float, float], guess: PoseHypothesis) -> float:
+    """Return the IoU of a box with the outline of a hypothesis."""
+    low, high = view.bounds_px(guess.outline_m())
+    bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    return overlap(bounds, box_px) if np.isfinite(bounds).all() else 0.0
 
 
 def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import llm
 from executor.assets.asset_geometry import bounds
-from executor.assets.families.generic import GENERIC, WITH_BACK
+from executor.assets.families.generic import GENERIC, PANEL, SHELF, WITH_BACK
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array, rotation_z
 from executor.photo.errors import LostCause
@@ -68,7 +68,7 @@ def test_a_generic_shape_fills_its_box_and_is_what_its_category_says(
     low, high = bounds(asset, np.eye(3))
     assert np.asarray(high) - np.asarray(low) == pytest.approx(size_m, abs=1e-6)
     assert (asset.motion == "dynamic") is (thing.kind is Kind.ITEM)
-    assert len(asset.regions) == 1
+    assert len(asset.regions) == (2 if model == SHELF else 1)
     width_m = asset.graspable_width_m
     assert width_m == pytest.approx(min(size_m[:2])) if thing.kind is Kind.ITEM else width_m is None
 
@@ -439,8 +439,8 @@ def test_the_only_thing_of_a_name_is_meant_whatever_colour_a_picture_shows() -> 
 def test_what_is_hollow_is_told_by_names_and_furniture_is_not(label: str, without: set[str]) -> None:
     name = plain_name(label)
     found = {one.model for one in generic_models(Detection(label, name, (0, 0, 9, 9), 1.0, ""))}
-    # A panel on a stand is for pictures without depth.
-    assert found == {*SHAPES} - without - {"generic_panel_on_stand"}
+    # A panel on a stand and a shelf are for pictures without depth.
+    assert found == {*SHAPES} - without - {PANEL, SHELF}
 
 
 OPEN = shape(WITH_BACK, (0.30, 0.33, 0.20), yaw_rad=0.1)

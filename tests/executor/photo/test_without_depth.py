@@ -15,7 +15,8 @@ from executor.photo.inputs.annotations import FLOOR, WALL
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room import beneath
 from executor.photo.room.beneath import supports_of
-from executor.photo.room.jointly import Jointly, Piece, shapes_of
+from executor.photo.room.jointly import Jointly
+from executor.photo.room.pieces import Piece, shapes_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_of
 from oag.model.symbols import Kind
