@@ -170,7 +170,7 @@ class Purpose:
             return True
         world, joint = self.world, self.world.assets[self.object_id].joint(handle.joint)
         now = world.joint_position(self.object_id, joint.name)
-        then = joint.position(end_fractions(self.action, joint, joint.fraction(now))[0])
+        then = joint.position(end_fractions(self.planner.robot, self.action, joint, joint.fraction(now))[0])
         T_root = world.T_world_link(self.object_id, joint.parent)
         slid = T_root @ joint_transform(joint, then) @ inverse(T_root @ joint_transform(joint, now))
         goals = item_goals(world.model.hand, world.assets[self.item], world.T_world_link(self.item))

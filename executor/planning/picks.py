@@ -81,6 +81,7 @@ class Pick:
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (B,) where the base stands.
         lifts_m: Candidates of an unfilled lift, the preferred one first; out of a bowl it is as high as needed.
+        leads_out: Whether the hand gets out with the item from where it was lifted to (Q,); None where it need not.
     """
 
     planner: Planner
@@ -89,6 +90,7 @@ class Pick:
     moves: tuple[Action, ...]
     here: Array
     lifts_m: tuple[float, ...] = LIFTS_M
+    leads_out: Callable[[Array], bool] | None = None
 
     def stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the hand can close around all of the item, and the moves after can be made.
@@ -181,7 +183,7 @@ class Pick:
                 if (clear or along is None) and not presses(q, way):
                     found = Lift(filled, at_rim), 0.02 * rank
                     if clear:
-                        return found
+                        return found if self.leads_out is None or self.leads_out(end) else None
                     along = found  # It stands against something, and may be lifted along that.
             return along
 

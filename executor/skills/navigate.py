@@ -30,7 +30,7 @@ from executor.planning.articulation_stances import (
 )
 from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
-from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
+from executor.planning.drives import Drive, Leg, drive_to, go_home, leads_straight_home, withdraw
 from executor.planning.grasps import item_goals
 from executor.planning.picks import (
     HIGH_LIFTS_M,
@@ -60,6 +60,9 @@ CANDIDATES = 6
 LOOKED_AT = 30
 ARTICULATIONS_LOOKED_AT = 12
 """How many choices are examined for one that stands elsewhere; each of a door costs a check of its whole motion."""
+
+MOST_STUCK = 12
+"""How many stances from which nothing straight leads out with what was taken are passed over."""
 
 ELSEWHERE_M = 0.25  # Places nearer to each other share their paths.
 DRIVE_SPEED = 1.0  # Of the limits: nothing is near.
@@ -272,7 +275,7 @@ def leave(session: Session) -> StepResult:
 
 def _retreat_holding(session: Session, action: Action) -> StepResult:
     session.sync_planner()
-    path = go_home(session.planner, session.q, lambda end: _is_out(session, end))
+    path = go_home(session.planner, session.q, lambda end: _is_out(session, end), _pulled_rad(session))
     if path is None:
         message = f"no free way back with {session.hand.held} in the hand"
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message))
@@ -286,6 +289,15 @@ def _is_out(session: Session, end: Array) -> bool:
     if carried is None or within is None or within not in session.believed.assets:
         return True
     return is_outside(session.believed, carried, within, session.planner.kinematics.forward(end))
+
+
+def _pulled_rad(session: Session) -> float | None:
+    """Return the heading in which the drawer was pulled that the target lies in; None where it lies in none."""
+    world, within = session.believed, session.subtask.support_init
+    if within is None or within not in world.articulated_ids:
+        return None
+    slides = [joint for joint in open_joints(world, within) if joint.kind == "prismatic"]
+    return heading_of(world.T_world_link(within)[:3, :3] @ np.array(slides[0].axis)) if slides else None
 
 
 _NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
@@ -373,11 +385,36 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
     fits = fits_between(world.assets[target], session.gripper)
-    if fits:
-        yield pick.stances(None if narrowed else _placement_check(session))
-    yield pick.rim_stances()
-    if fits:
-        yield pick.last_stances()
+    way_out = _way_out(session)
+    for leads_out in (None,) if way_out is None else (way_out,) if narrowed else (way_out, None):
+        pick = replace(pick, leads_out=leads_out)
+        if fits:
+            yield pick.stances(None if narrowed else _placement_check(session))
+        yield pick.rim_stances()
+        if fits:
+            yield pick.last_stances()
+
+
+def _way_out(session: Session) -> Callable[[Array], bool] | None:
+    """Return a test whether the hand gets straight out with the target from where it was lifted to (Q,).
+
+    Out of a drawer one stance may lead over the front, and another one has the forearm within it. None where the flow
+    does not ask it to leave. After several that do not, all others count as ones that do: searching has an end.
+    """
+    later = [action.primitive for action in session.flow[session.step :]]
+    if session.planner.robot.keeps_order or Primitive.RETREAT not in later or Primitive.UNGRASP in later:
+        return None
+    stuck = 0
+
+    def leads_out(lifted: Array) -> bool:
+        nonlocal stuck
+        leads = stuck >= MOST_STUCK or leads_straight_home(
+            session.planner, lifted, lambda end: _is_out(session, end), _pulled_rad(session)
+        )
+        stuck += not leads
+        return leads
+
+    return leads_out
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
