@@ -58,6 +58,12 @@ GRIP_DEPTHS_M, DEPTH_COST = (0.016, 0.010), 0.1
 LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
 
+SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
+"""The same of a hand that comes nearly level along the rim: under a board or into a microwave no steeper one gets.
+
+What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
+"""
+
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
 UPRIGHT_COSINE = 0.95  # Within 18 degrees.
 AT_WALL_M = 0.006
@@ -220,19 +226,20 @@ def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     return goals
 
 
-def rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
+def rim_goals(asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD) -> list[HandGoal]:
     """Return hand poses at each flat piece of an upright thing's wall, coming down along it from outside.
 
     Args:
         asset: The thing; without a rim there are none.
         T_world_object: (4, 4) where it stands; there are none where it lies.
+        leans_rad: How far the hand leans over along the rim.
     """
     if asset.rim is None or T_world_object[2, 2] < UPRIGHT_COSINE:
         return []
     goals = []
     middle = (T_world_object @ np.array([*asset.rim.center_m, 1.0]))[:3]
     sides, depths = range(asset.rim.sides), enumerate(GRIP_DEPTHS_M)
-    for side, (rank, depth_m), lean in itertools.product(sides, depths, LEANS_RAD):
+    for side, (rank, depth_m), lean in itertools.product(sides, depths, leans_rad):
         T = T_world_object @ _hand_at(asset.rim, 2.0 * np.pi * side / asset.rim.sides, depth_m, lean)
         cost = DEPTH_COST * rank + (LEAN_COST if lean else 0.0)
         goals.append(HandGoal(T, heading_of_hand(T, middle), cost))

@@ -15,7 +15,7 @@ from executor.assets.model import Asset
 from executor.geometry import Array
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals, room_below_m, top_goals
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -107,10 +107,23 @@ class Pick:
         for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
             yield from self._search(goals, validate)
 
-    def rim_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances from which the item can be taken by its wall, if it has one."""
-        if self._asset.rim is not None:
-            yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
+    def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the item can be taken by its wall, if it has one.
+
+        Args:
+            allows_placement: Whether a hand at a pose (4, 4) can also place the item later. Where no usual one can, a
+                hand that comes sideways along the rim may.
+        """
+        if self._asset.rim is None:
+            return
+        lift = self._lifting(at_rim=True)
+        usual = rim_goals(self._asset, self._T_item)
+        sideways = [] if self.planner.robot.keeps_order else rim_goals(self._asset, self._T_item, SIDEWAYS_RAD)
+        if allows_placement is not None:
+            for goals in (usual, sideways):
+                yield from self._search([goal for goal in goals if allows_placement(goal.T_world_eef)], lift)
+        yield from self._search(usual, lift)
+        yield from self._search(sideways, lift)
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
         """Yield stances of last resort: near the item's top, from close by, or with the arm nearly stretched."""

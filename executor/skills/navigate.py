@@ -31,7 +31,7 @@ from executor.planning.articulation_stances import (
 from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, leads_straight_home, withdraw
-from executor.planning.grasps import item_goals
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
 from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
@@ -45,7 +45,7 @@ from executor.planning.picks import (
 from executor.planning.place_search import PlacementLookahead, PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
-from executor.planning.stances import Stance
+from executor.planning.stances import HandGoal, Stance
 from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
@@ -390,7 +390,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
         pick = replace(pick, leads_out=leads_out)
         if fits:
             yield pick.stances(None if narrowed else _placement_check(session))
-        yield pick.rim_stances()
+        yield pick.rim_stances(None if narrowed else _rim_check(session))
         if fits:
             yield pick.last_stances()
 
@@ -425,12 +425,22 @@ def _lifts_m(session: Session) -> tuple[float, ...]:
     return LIFTS_M if goes_on else HIGH_LIFTS_M
 
 
-def _placement_check(session: Session) -> Callable[[Array], bool] | None:
+def _rim_check(session: Session) -> Callable[[Array], bool] | None:
+    """Return a test as of `_placement_check` for hands at the target's wall; None where it has none, or goes nowhere."""
+    asset = session.believed.assets[session.subtask.target]
+    if session.planner.robot.keeps_order or asset.rim is None:
+        return None
+    T_item = session.believed.T_world_link(session.subtask.target)
+    return _placement_check(session, [*rim_goals(asset, T_item), *rim_goals(asset, T_item, SIDEWAYS_RAD)])
+
+
+def _placement_check(session: Session, goals: list[HandGoal] | None = None) -> Callable[[Array], bool] | None:
     """Return a test of hand poses for the placement of a later subtask; None where no subtask places the target."""
     world, target = session.believed, session.subtask.target
     for later in session.later:
         if later.target == target and later.support_goal in session.world.assets:
-            goals = item_goals(world.model.hand, world.assets[target], world.T_world_link(target))
+            if goals is None:
+                goals = item_goals(world.model.hand, world.assets[target], world.T_world_link(target))
             regions = regions_for(session.world, later)
             lookahead = PlacementLookahead(
                 session.planner,
