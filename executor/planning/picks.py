@@ -64,10 +64,12 @@ class Lift:
     Attributes:
         moves: The moves with all numbers filled in.
         at_rim: Whether the grasp is at the thing's wall, not around all of it.
+        suits_place: False where a hand in another grasp could put the item into its place, and this one cannot.
     """
 
     moves: tuple[Action, ...]
     at_rim: bool = False
+    suits_place: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,14 @@ class Pick:
 
         def lift_where(wanted: bool) -> Validate[Lift]:
             forward = self.planner.kinematics.forward
-            return lambda q: lift(q) if allows_placement is None or allows_placement(forward(q)) is wanted else None
+
+            def validate(q: Array) -> tuple[Lift, float] | None:
+                if allows_placement is not None and allows_placement(forward(q)) is not wanted:
+                    return None
+                found = lift(q)
+                return found if found is None or wanted else (replace(found[0], suits_place=False), found[1])
+
+            return validate
 
         for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
             yield from self._search(goals, validate)

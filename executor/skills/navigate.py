@@ -536,6 +536,7 @@ def _drive(session: Session, action: Action) -> StepResult:
         base_yaw_deg=round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
         joint_margin_deg=round(float(np.rad2deg(stance.margin_rad)), 1),
         legs=len(journey.legs),
+        suits_place=stance.followup.suits_place if isinstance(stance.followup, Lift) else None,
     )
     plan = replace(
         session.plan,
