@@ -12,10 +12,10 @@ import numpy as np
 
 from bddl import Atom
 from executor.assets.model import Asset
-from executor.geometry import Array
+from executor.geometry import Array, heading_of
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import SIDEWAYS_RAD, deep_goals, item_goals, rim_goals, room_below_m, top_goals
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -38,6 +38,7 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
+UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
 OUT_M = 0.01
 """How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
 
@@ -135,9 +136,12 @@ class Pick:
         yield from self._search(sideways, lift)
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances of last resort: near the item's top, from close by, or with the arm nearly stretched."""
+        """Yield stances of last resort: near the item's top, steep in a box, from close by, or nearly stretched."""
         lift, robot = self._lifting(), self.planner.robot
         yield from self._search(top_goals(self._asset, self._T_item), lift)
+        along_rad = None if robot.keeps_order else walls_rad(self.world, self.item)
+        if along_rad is not None:
+            yield from self._search(deep_goals(self._asset, self._T_item, along_rad), lift)
         for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
             if reaches_m:
                 yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)
@@ -215,6 +219,17 @@ class Pick:
                 return oracle.first_hit(way, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is not None
 
         return lift
+
+
+def walls_rad(world: World, item: str) -> float | None:
+    """Return the heading of a wall of the bowl, box or drawer that an item lies in; None where it lies in none."""
+    for name in (*world.dynamic_ids, *world.articulated_ids):
+        found = read(Atom("inside", (item, name)), world) if name != item else None
+        if found is not None and found.value:
+            region = next(one for one in world.assets[name].regions if one.name == found.measurements.region)
+            if region.opening[2] > UPWARD:
+                return heading_of(world.T_world_link(name, region.link)[:3, 0])
+    return None
 
 
 def lifts_out_m(lifts_m: tuple[float, ...], world: World, item: str) -> tuple[float, ...]:

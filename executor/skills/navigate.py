@@ -385,8 +385,12 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
     fits = fits_between(world.assets[target], session.gripper)
-    way_out = _way_out(session)
-    for leads_out in (None,) if way_out is None else (way_out,) if narrowed else (way_out, None):
+    later = [action.primitive for action in session.flow[session.step :]]
+    leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
+    way_out = _WayOut(session)
+    for leads_out in (way_out.leads_out, None) if leaves else (None,):
+        if leads_out is None and leaves and (narrowed or not way_out.stuck):
+            return
         pick = replace(pick, leads_out=leads_out)
         if fits:
             yield pick.stances(None if narrowed else _placement_check(session))
@@ -395,26 +399,25 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
             yield pick.last_stances()
 
 
-def _way_out(session: Session) -> Callable[[Array], bool] | None:
-    """Return a test whether the hand gets straight out with the target from where it was lifted to (Q,).
+class _WayOut:
+    """A test whether the hand gets straight out with the target from where it was lifted to.
 
-    Out of a drawer one stance may lead over the front, and another one has the forearm within it. None where the flow
-    does not ask it to leave. After several that do not, all others count as ones that do: searching has an end.
+    Out of a drawer one stance may lead over the front, and another one has the forearm within it. After several that do
+    not, all others count as ones that do: searching has an end.
     """
-    later = [action.primitive for action in session.flow[session.step :]]
-    if session.planner.robot.keeps_order or Primitive.RETREAT not in later or Primitive.UNGRASP in later:
-        return None
-    stuck = 0
 
-    def leads_out(lifted: Array) -> bool:
-        nonlocal stuck
-        leads = stuck >= MOST_STUCK or leads_straight_home(
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.stuck = 0
+
+    def leads_out(self, lifted: Array) -> bool:
+        """Return whether it does so from a configuration (Q,), with the target in the oracle's hand."""
+        session = self._session
+        leads = self.stuck >= MOST_STUCK or leads_straight_home(
             session.planner, lifted, lambda end: _is_out(session, end), _pulled_rad(session)
         )
-        stuck += not leads
+        self.stuck += not leads
         return leads
-
-    return leads_out
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
