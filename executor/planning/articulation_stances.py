@@ -256,17 +256,19 @@ def tracked_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swin
 
 
 def edge_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]:
-    """Yield stances at the free edge of a door that folds down, whose handle may be out of reach below it.
+    """Yield stances at the free edge of a door: its handle may be out of reach below it, or between it and a wall.
 
     Args:
         work, here: As for `rigid_stances`.
     """
     opening_m = Gripper.of(work.world.scene.robot).opening_m
     edge = edge_of(work.world.assets[work.object_id], work.handle, opening_m)
-    if edge is None or work.joint.kind != "revolute" or driving_carries(work.joint, work.T_root):
+    upright = driving_carries(work.joint, work.T_root)
+    if edge is None or work.joint.kind != "revolute" or (upright and work.planner.robot.keeps_order):
         return iter(())
     T_link = work.world.T_world_link(work.object_id, edge.link)
-    goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=EDGE_TILTS_DEG)
+    tilts_deg = None if upright else EDGE_TILTS_DEG
+    goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=tilts_deg)
     return _along_a_course(replace(work, handle=edge), goals, here)
 
 

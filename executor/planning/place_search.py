@@ -81,7 +81,7 @@ EXPLAINING_CONFIGURATIONS = 100
 ALIKE = np.array([0.005, 0.005, 0.02, 0.1, 0.1, 0.1])
 """Of places [m] and upward axes: what is let go of so alike falls alike."""
 
-LANDING_S = 0.3  # Effort to find out where a thing ends.
+LANDING_S = 0.15  # Effort to find out where a thing ends.
 LEAST_LANDINGS = 4  # Of which none stays, before a thing counts as one that stays nowhere.
 MOST_LANDINGS = 24
 """In how many ways a thing is let go of at most; where it may stay at all, it does so in a third of them."""
