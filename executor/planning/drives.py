@@ -158,7 +158,7 @@ MOST_DRIVES = 8  # Each costs a search.
 MOST_TREES = 4  # Of the slides after which the way home is searched for.
 DOWN = np.array([0.0, 0.0, -1.0])
 OUT_M, UP_M = (*(0.005 * step for step in range(13)), 0.08, 0.10, 0.15), (0.30, 0.20, 0.12)
-"""Out of a drawer: how far a thing that is partly below the top comes out first, and how far the lift then raises it."""
+"""Out of a drawer: how far a thing that is partly below the top comes out first, and how far the lift raises it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
 _LEVEL = 0.3  # Of an axis: the fingers can close along it.
 PITCHES_DEG = (*TALL_PITCHES_DEG[1:], *FROM_ABOVE_DEG)
 DEEP_PITCHES_DEG, DEEP_ABOVE_M, DEEP_COST = (88.0, 75.0, 60.0), (0.0, 0.008, 0.015), 0.05
-"""For what lies in a box or bowl: steep hands, and how far above its middle they hold it, so that the palm stays out."""
+"""For what lies in a box: steep hands, and how far above its middle they hold it, so that the palm stays out."""
 
 BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 """How far below the top the fingers' middle is, the deepest hold first."""
@@ -207,8 +207,8 @@ def item_headings(asset: Asset, R_world_object: Array) -> list[float]:
 def deep_goals(asset: Asset, T_world_object: Array, along_rad: float) -> list[HandGoal]:
     """Return steep hand poses around a low item, at its middle and higher up; none for tall items.
 
-    Walls around it, as of a box, keep flatter hands out, and the palm from coming down as far as usual. What is round is
-    held no higher than where its sides hold.
+    Walls around it, as of a box, keep flatter hands out, and the palm from coming down as far as usual. What is
+    round is held no higher than where its sides hold.
 
     Args:
         asset: The item; its frame is the centre of its bounding box.

@@ -551,7 +551,10 @@ class PlacementLookahead:
         )
         oracle.carried = carried
         try:
-            candidates, looked_at = base_candidates(robot, wanted, self._here, TURNS_RAD, reaches_into(robot, self._regions)), 0
+            candidates, looked_at = (
+                base_candidates(robot, wanted, self._here, TURNS_RAD, reaches_into(robot, self._regions)),
+                0,
+            )
             blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
             budget = budget if robot.keeps_order else min(budget, FORECAST_CANDIDATES)
             for candidate in candidates if robot.keeps_order else sides.roomy_first(candidates):

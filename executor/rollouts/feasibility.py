@@ -150,7 +150,7 @@ class Feasibility:
 
     @property
     def decided(self) -> bool:
-        """Whether there is an answer: a search that ran out of its time says neither that a plan can be done nor not."""
+        """Whether there is an answer: a search that ran out of its time says neither yes nor no."""
         return self.failure is None or self.failure.kind is not FailureKind.NO_ANSWER
 
     @property

@@ -269,7 +269,7 @@ REPAIRS: tuple[Callable[[Failed], Iterator[Repair]], ...] = (
 def _preferred(failed: Failed) -> list[Callable[[Failed], Iterator[Repair]]]:
     """Return all repairs, first those that the plan itself speaks for.
 
-    What the place is free of later is moved first, and a hand that was known not to suit the place takes the thing again.
+    What the place is free of later is moved first. A hand that was known not to suit the place takes the thing again.
     """
     takes = [record for record in failed.before if failed.task.subtasks[record.index].target == failed.subtask.target]
     drives = [first_of(step.measurements, TargetDrive) for record in takes[-1:] for step in record.steps]

@@ -144,7 +144,9 @@ def _inside(world: World, object_id: str, container: str) -> AtomReading:
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
     if container in supporters:
-        fits = [max(fit, _stands_in(world, object_id, container, region)) for fit, region in zip(fits, regions, strict=True)]
+        fits = [
+            max(fit, _stands_in(world, object_id, container, region)) for fit, region in zip(fits, regions, strict=True)
+        ]
     best = max(range(len(regions)), key=lambda index: fits[index][0])
     depth, excess = fits[best]
     contained = excess <= _EDGE_M

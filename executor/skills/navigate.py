@@ -429,7 +429,7 @@ def _lifts_m(session: Session) -> tuple[float, ...]:
 
 
 def _rim_check(session: Session) -> Callable[[Array], bool] | None:
-    """Return a test as of `_placement_check` for hands at the target's wall; None where it has none, or goes nowhere."""
+    """Return a test as of `_placement_check` for hands at the target's wall; None where there is nothing to test."""
     asset = session.believed.assets[session.subtask.target]
     if session.planner.robot.keeps_order or asset.rim is None:
         return None
