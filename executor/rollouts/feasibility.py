@@ -161,7 +161,7 @@ class Feasibility:
 
     @property
     def reason(self) -> str:
-        """Why the plan is not feasible, or has no answer, in one sentence with the subtask's name; empty where it is."""
+        """Why the plan is not feasible, or has no answer, in a sentence with the subtask's name; empty where it is."""
         if self.failure is None:
             return ""
         if not self.primitive:
@@ -342,10 +342,11 @@ class DryRun:
             starts.append(self._state())
             refused = None if done else first_misfit(self._task, self._world)
             done.append(self._subtask(len(done)) if refused is None else self._refused(*refused))
-            if not done[-1].record.succeeded:
-                if refused is not None or not self._mended_in_time(done, starts):
-                    self._known = self._found_impossible(done, starts[-1][1].held)
-                    break
+            if done[-1].record.succeeded:
+                continue
+            if refused is not None or not self._mended_in_time(done, starts):
+                self._known = self._found_impossible(done, starts[-1][1].held)
+                break
         return done
 
     def _mended_in_time(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:

@@ -387,6 +387,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     fits = fits_between(world.assets[target], session.gripper)
     later = [action.primitive for action in session.flow[session.step :]]
     leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
+    leaves = leaves and _pulled_rad(session) is not None
     way_out = _WayOut(session)
     for leads_out in (way_out.leads_out, None) if leaves else (None,):
         if leads_out is None and leaves and (narrowed or not way_out.stuck):
