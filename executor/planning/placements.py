@@ -149,7 +149,7 @@ def spots(
         return aside
     drawn = aside + free(floor.spots_aside(to_come_m, NEARER)) if aside else free(floor.sample_spots(here, rng))
     found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
-    if to_come_m and heaps:
+    if to_come_m and heaps and not floor.is_small:
         theirs = spots(region, T_world_link, to_come_m, here, height_m=height_m, others=others)
         inward = -T_world_link[:2, :2] @ np.array(region.opening[:2]) if floor.is_behind_a_front else np.zeros(2)
         found = _with_room_first(found, theirs, (footprint_m + to_come_m) / 2 + APART_M, inward)
@@ -224,7 +224,7 @@ class _Floor:
             for (rank, depth), lateral in itertools.product(enumerate(DEPTHS_M), LATERALS_M):
                 if depth + self.footprint_m / 2 <= depth_room and abs(lateral) <= width_room:
                     yield self._behind(depth, lateral, 0.03 * rank + LATERAL_COST * abs(lateral))
-        elif self._is_small:
+        elif self.is_small:
             yield self._within((0.0, 0.0), 0.0)
         else:
             for edge in EDGES.values():
@@ -254,7 +254,7 @@ class _Floor:
                         _between(numbers[1], -lateral_limit, lateral_limit),
                     )
                     yield self._behind(depth, lateral, cost)
-            elif self._is_small:
+            elif self.is_small:
                 if rank >= HOLLOW_DRAWS:
                     break
                 radius = min(self.half[:2]) - self.footprint_m / 2 - FINGER_M
@@ -300,7 +300,7 @@ class _Floor:
     @property
     def _angles(self) -> list[float]:
         """Directions from the middle of what is small and has walls: all around, and into the corners of a box."""
-        if not (self._is_small and self.is_within):
+        if not (self.is_small and self.is_within):
             return []
         around = [2 * np.pi * turn / HEADINGS for turn in range(HEADINGS)]
         rooms_m = np.maximum(self.half[:2] - self.footprint_m / 2, 0.0)
@@ -343,7 +343,8 @@ class _Floor:
         return bool(abs(self.opening[2]) < 0.5)
 
     @property
-    def _is_small(self) -> bool:
+    def is_small(self) -> bool:
+        """Whether one side is as good as any other: bowls and boxes, in which things are put aside as it is."""
         return bool(max(self.half[:2]) < SMALL_M)
 
     @property
