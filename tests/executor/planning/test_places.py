@@ -169,10 +169,12 @@ def test_what_comes_first_goes_to_the_back_of_a_compartment(to_come_m: float, he
         left = spots(oven, np.eye(4), 0.15, np.zeros(3), height_m=0.06, others=taken)
         leaving.append(any(one.point_m[0] < x for one in left))
     assert any(leaving) and not all(leaving)
-    aside = bool(to_come_m) and heaps
-    assert leaving[0] is aside, "the first spot leaves room before it where more is to come, and not by chance"
-    if aside:
-        assert sorted(leaving, reverse=True) == leaving
+    if to_come_m and heaps:
+        assert leaving[0] and sorted(leaving, reverse=True) == leaving, "first those that leave room before them"
+        return
+    rng = spot_rng(0, "bottle_0", "oven_0", "oven")
+    usual = spots(oven, np.eye(4), 0.065, np.zeros(3), height_m=0.2, rng=rng)
+    assert [tuple(spot.point_m) for spot in found] == [tuple(spot.point_m) for spot in usual]
 
 
 @pytest.mark.parametrize(("high_m", "heaps", "above"), [(0.05, True, True), (0.05, False, False), (0.10, True, False)])

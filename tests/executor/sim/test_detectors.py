@@ -166,10 +166,10 @@ def test_an_apple_dropped_into_a_bowl_is_inside_it(make_world: MakeWorld) -> Non
     [
         (0.0, 0.0, 0.0, True),
         (0.0, 0.10, 0.0, False),
-        (0.055, 0.0, 0.0, False),
+        (0.077, 0.075, 0.0, False),
         (0.0, 0.0, 90.0, False),
     ],
-    ids=["stands in it", "is over it", "stands over its wall", "lies across it"],
+    ids=["stands in it", "is over it", "stands on its wall", "lies across it"],
 )
 def test_what_stands_in_a_box_is_in_it_however_far_it_stands_out(
     off_m: float, up_m: float, tilted_deg: float, inside: bool, make_world: MakeWorld
