@@ -17,7 +17,7 @@ import numpy as np
 
 import bddl
 from executor.assets.library import asset_for
-from executor.records import Detour, SubtaskRecord
+from executor.records import Detour, FailureKind, SubtaskRecord
 from oag import Action, Primitive, Scene, SceneObject, SimpleTask, Task
 from oag.flows import OPEN, PLACE, taking
 from oag.measurements import JointMotion, SupportDrive, TargetDrive, Unplanned, first_of
@@ -123,7 +123,8 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
 def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     """Return what a failed subtask shows to be impossible while all that its search met stays where it is.
 
-    None where the search was not free to choose, or did not fail for want of a stance, a grasp, a place or a way.
+    None where the search was not free to choose, ran out of its time, or did not fail for want of a stance, a grasp, a
+    place or a way.
 
     Args:
         facts: What is known to be true at the subtask's start, as BDDL.
@@ -131,6 +132,8 @@ def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     failure, subtask, flow = failed.record.failure, failed.subtask, failed.subtask.flow or ()
     found = first_of(failure.measurements, Unplanned) if failure is not None else None
     if failure is None or found is None or any(action.parameter is not None for action in flow):
+        return None
+    if failure.kind is FailureKind.NO_ANSWER:
         return None
     kind, place = _attempted(failed, found)
     about = {subtask.target, place}
