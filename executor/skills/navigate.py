@@ -28,9 +28,8 @@ from executor.planning.articulation_stances import (
     handles_to_open,
     open_joints,
 )
-from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
-from executor.planning.drives import Drive, Leg, drive_to, go_home, leads_straight_home, withdraw
+from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
 from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
 from executor.planning.picks import (
     HIGH_LIFTS_M,
@@ -50,6 +49,7 @@ from executor.planning.whereabouts import handles_of, regions_next_to, regions_o
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
+from executor.skills.way_out import WayOut, is_out, pulled_rad
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, SupportDrive, TargetDrive, TooWide, Unplanned
 from oag.sizes import Gripper
@@ -60,9 +60,6 @@ CANDIDATES = 6
 LOOKED_AT = 30
 ARTICULATIONS_LOOKED_AT = 12
 """How many choices are examined for one that stands elsewhere; each of a door costs a check of its whole motion."""
-
-MOST_STUCK = 12
-"""How many stances from which nothing straight leads out with what was taken are passed over."""
 
 ELSEWHERE_M = 0.25  # Places nearer to each other share their paths.
 DRIVE_SPEED = 1.0  # Of the limits: nothing is near.
@@ -275,29 +272,12 @@ def leave(session: Session) -> StepResult:
 
 def _retreat_holding(session: Session, action: Action) -> StepResult:
     session.sync_planner()
-    path = go_home(session.planner, session.q, lambda end: _is_out(session, end), _pulled_rad(session))
+    path = go_home(session.planner, session.q, lambda end: is_out(session, end), pulled_rad(session))
     if path is None:
         message = f"no free way back with {session.hand.held} in the hand"
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message))
     monitor = session.monitor(session.hand.lifted_from)
     return session.done(action, failure=session.control.follow(path, speed=RETREAT_SPEED, monitor=monitor))
-
-
-def _is_out(session: Session, end: Array) -> bool:
-    """Return whether what is held is outside of what it is taken out of, at a configuration (Q,)."""
-    carried, within = session.planner.oracle.carried, session.subtask.support_init
-    if carried is None or within is None or within not in session.believed.assets:
-        return True
-    return is_outside(session.believed, carried, within, session.planner.kinematics.forward(end))
-
-
-def _pulled_rad(session: Session) -> float | None:
-    """Return the heading in which the drawer was pulled that the target lies in; None where it lies in none."""
-    world, within = session.believed, session.subtask.support_init
-    if within is None or within not in world.articulated_ids:
-        return None
-    slides = [joint for joint in open_joints(world, within) if joint.kind == "prismatic"]
-    return heading_of(world.T_world_link(within)[:3, :3] @ np.array(slides[0].axis)) if slides else None
 
 
 _NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
@@ -387,8 +367,8 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     fits = fits_between(world.assets[target], session.gripper)
     later = [action.primitive for action in session.flow[session.step :]]
     leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
-    leaves = leaves and _pulled_rad(session) is not None
-    way_out = _WayOut(session)
+    leaves = leaves and pulled_rad(session) is not None
+    way_out = WayOut(session)
     for leads_out in (way_out.leads_out, None) if leaves else (None,):
         if leads_out is None and leaves and (narrowed or not way_out.stuck):
             return
@@ -398,27 +378,6 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
         yield pick.rim_stances(None if narrowed else _rim_check(session))
         if fits:
             yield pick.last_stances()
-
-
-class _WayOut:
-    """A test whether the hand gets straight out with the target from where it was lifted to.
-
-    Out of a drawer one stance may lead over the front, and another one has the forearm within it. After several that do
-    not, all others count as ones that do: searching has an end.
-    """
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.stuck = 0
-
-    def leads_out(self, lifted: Array) -> bool:
-        """Return whether it does so from a configuration (Q,), with the target in the oracle's hand."""
-        session = self._session
-        leads = self.stuck >= MOST_STUCK or leads_straight_home(
-            session.planner, lifted, lambda end: _is_out(session, end), _pulled_rad(session)
-        )
-        self.stuck += not leads
-        return leads
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
