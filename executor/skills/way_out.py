@@ -1,4 +1,4 @@
-"""The way out of what a thing is taken from: is it out, which way was its drawer pulled, from which stances it leads."""
+"""The way out of what a thing is taken from: is it out, whither was its drawer pulled, from which stances it leads."""
 
 from __future__ import annotations
 
