@@ -316,9 +316,12 @@ def _raised_home(
                 if out_m and not _is_slide_free(planner, out[0], out[1]):
                     break
             up = _raised(planner, out[1])
-            home = None if up is None else _straight_home(planner, up, is_out, most_trees=0)
+            if up is None:
+                continue
+            home = _straight_home(planner, up, is_out, most_trees=0)
             if home is not None:
                 return np.concatenate([q[None], *([out[1:]] if out_m else []), home])
+            break  # From a little farther out it would be the same.
     return None
 
 

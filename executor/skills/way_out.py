@@ -10,7 +10,7 @@ from executor.planning.cargo import is_outside
 from executor.planning.drives import leads_straight_home
 from executor.skills.session import Session
 
-MOST_STUCK = 12
+MOST_STUCK = 5
 """How many stances from which nothing straight leads out with what was taken are passed over."""
 
 
