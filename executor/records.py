@@ -63,6 +63,7 @@ class FailureKind(Enum):
     SIDE_EFFECT = "side-effect"
     PRECONDITION = "precondition"
     TIMEOUT = "timeout"
+    NO_ANSWER = "no-answer-in-time"
     GOAL_NOT_REACHED = "goal-not-reached"
 
 

@@ -92,13 +92,18 @@ class RetreatMeasured(Measurement):
 
 @dataclass(frozen=True, slots=True)
 class TargetDrive(Measurement):
-    """NAVIGATE_TO_TARGET: where the base stands, and how far the stance's joints are from their limits."""
+    """NAVIGATE_TO_TARGET: where the base stands, and how far the stance's joints are from their limits.
+
+    Attributes:
+        suits_place: False where no hand that could also put the target into its place found a stance.
+    """
 
     base_x_m: float
     base_y_m: float
     base_yaw_deg: float
     joint_margin_deg: float
     legs: int
+    suits_place: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

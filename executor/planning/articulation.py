@@ -271,6 +271,9 @@ Motion = Literal["rigid arc", "whole-body arc", "push"]
 OPEN_FRACTIONS = (0.85, 0.75, 0.65, 0.55)
 """How far an unfilled ARTICULATE_OPEN opens, the widest feasible one first."""
 
+PULLED_OUT = 0.97
+"""How far a drawer is pulled where it can be, short of its stop: what is at its back comes out from below the top."""
+
 SMALLER_FRACTIONS = (0.45, 0.35, 0.25, 0.15)
 """How far it opens where the floor or the arm allows no more; what stands ajar is then pushed on from inside."""
 
@@ -332,12 +335,12 @@ class ArticulationTask:
     @property
     def fractions(self) -> tuple[float, ...]:
         """Where it may end, the preferred one first."""
-        return end_fractions(self.action, self.joint, self.joint.fraction(self.now))
+        return end_fractions(self.planner.robot, self.action, self.joint, self.joint.fraction(self.now))
 
     @property
     def smaller(self) -> tuple[float, ...]:
         """Where a first stage may end that does less than was asked."""
-        return smaller_fractions(self.action, self.joint, self.joint.fraction(self.now))
+        return smaller_fractions(self.planner.robot, self.action, self.joint, self.joint.fraction(self.now))
 
     @property
     def riders(self) -> Allowed:
@@ -444,7 +447,7 @@ def joints_at(planner: Planner, joints: dict[JointTarget, float]) -> Iterator[No
             planner.oracle.set_joint(key, position)
 
 
-def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]:
+def end_fractions(robot: Robot, action: Action, joint: Joint, now: float) -> tuple[float, ...]:
     """Return where an articulation may end, as fractions of the joint's range, the preferred one first.
 
     An interval [a, b] opens to b, or closes by b - a of the range but not below a; no interval opens wide and closes
@@ -453,6 +456,7 @@ def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]
     Source: appendix, "Articulated-Object Interaction"; the reading of the interval is ours (docs/departures.md).
 
     Args:
+        robot: Its record.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
         now: The joint's fraction now.
     """
@@ -463,18 +467,20 @@ def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]
             low, high = joint.fraction(low), min(joint.fraction(high), 1.0)
         return (high,) if action.primitive is Primitive.ARTICULATE_OPEN else (max(now - (high - low), low),)
     if action.primitive is Primitive.ARTICULATE_OPEN:
-        return tuple(f for f in OPEN_FRACTIONS if f > now) or (1.0,)
+        slides = joint.kind == "prismatic" and not robot.keeps_order
+        return tuple(f for f in ((PULLED_OUT,) * slides + OPEN_FRACTIONS) if f > now) or (1.0,)
     return (0.0,)
 
 
-def smaller_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]:
+def smaller_fractions(robot: Robot, action: Action, joint: Joint, now: float) -> tuple[float, ...]:
     """Return where a first stage may end when what is asked for cannot be had in one motion, the nearest first.
 
     Args:
+        robot: Its record.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
         now: The joint's fraction now.
     """
-    end = end_fractions(action, joint, now)[-1]
+    end = end_fractions(robot, action, joint, now)[-1]
     if action.primitive is Primitive.ARTICULATE_OPEN:
         steps = (*OPEN_FRACTIONS, *SMALLER_FRACTIONS)
         return tuple(f for f in steps if now + LEAST_STAGE < f < end - LEAST_STAGE)

@@ -60,6 +60,7 @@ from executor.records import Failure, FailureKind
 from executor.sim.detectors import read
 from executor.sim.engine import ROBOT
 from executor.sim.world import World
+from executor.system.effort import CANDIDATE_S
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import Unplanned
 from oag.primitives.table import OPEN_FRACTION
@@ -170,7 +171,7 @@ class Purpose:
             return True
         world, joint = self.world, self.world.assets[self.object_id].joint(handle.joint)
         now = world.joint_position(self.object_id, joint.name)
-        then = joint.position(end_fractions(self.action, joint, joint.fraction(now))[0])
+        then = joint.position(end_fractions(self.planner.robot, self.action, joint, joint.fraction(now))[0])
         T_root = world.T_world_link(self.object_id, joint.parent)
         slid = T_root @ joint_transform(joint, then) @ inverse(T_root @ joint_transform(joint, now))
         goals = item_goals(world.model.hand, world.assets[self.item], world.T_world_link(self.item))
@@ -207,8 +208,8 @@ TRACKED_BATCH = 24  # Fewer than elsewhere: each candidate costs a tracked traje
 WIDE = 2
 """How many of the preferred ends are good enough to be taken at once."""
 
-PATIENCE = 6
-"""How many stances that fall short are found before one of them is taken."""
+PATIENCE, LESS_PATIENCE = 6, 3
+"""How many stances that fall short are found before one is taken; fewer where stored results need not repeat."""
 
 ARC_MARGIN_RAD = 0.35  # Less joint margin than this on the way costs.
 COARSE = 4  # Steps at once in a first look.
@@ -256,17 +257,19 @@ def tracked_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swin
 
 
 def edge_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]:
-    """Yield stances at the free edge of a door that folds down, whose handle may be out of reach below it.
+    """Yield stances at the free edge of a door: its handle may be out of reach below it, or between it and a wall.
 
     Args:
         work, here: As for `rigid_stances`.
     """
     opening_m = Gripper.of(work.world.scene.robot).opening_m
     edge = edge_of(work.world.assets[work.object_id], work.handle, opening_m)
-    if edge is None or work.joint.kind != "revolute" or driving_carries(work.joint, work.T_root):
+    upright = driving_carries(work.joint, work.T_root)
+    if edge is None or work.joint.kind != "revolute" or (upright and work.planner.robot.keeps_order):
         return iter(())
     T_link = work.world.T_world_link(work.object_id, edge.link)
-    goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=EDGE_TILTS_DEG)
+    tilts_deg = None if upright else EDGE_TILTS_DEG
+    goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=tilts_deg)
     return _along_a_course(replace(work, handle=edge), goals, here)
 
 
@@ -284,15 +287,19 @@ def _along_a_course(work: ArticulationTask, goals: list[HandGoal], here: Array) 
         turns_rad=SIDEWAYS_TURNS_RAD,
         batch=TRACKED_BATCH,
     )
-    yield from widest_first(stances, fractions)
+    patience = PATIENCE if work.planner.robot.keeps_order else LESS_PATIENCE
+    yield from widest_first(stances, fractions, patience)
 
 
-def widest_first(stances: Iterator[Stance[Swing]], fractions: tuple[float, ...]) -> Iterator[Stance[Swing]]:
+def widest_first(
+    stances: Iterator[Stance[Swing]], fractions: tuple[float, ...], patience: int = PATIENCE
+) -> Iterator[Stance[Swing]]:
     """Yield stances as they come, but hold back those that fall short while better ones may still turn up.
 
     Args:
         stances: Good ones first.
         fractions: Where the joint may end, the preferred one first.
+        patience: How many are held back.
     """
     waiting: list[Stance[Swing]] = []
     for stance in stances:
@@ -300,7 +307,7 @@ def widest_first(stances: Iterator[Stance[Swing]], fractions: tuple[float, ...])
             yield stance
             continue
         waiting.append(stance)
-        if len(waiting) >= PATIENCE:
+        if len(waiting) >= patience:
             break
     yield from sorted(waiting, key=lambda stance: fractions.index(stance.followup.end_fraction))
     yield from stances
@@ -384,6 +391,8 @@ def reachable_end(
 ) -> tuple[float, float] | None:
     """Return the best end fraction of a tracked motion that is free throughout, and its joint margin; or None."""
     planner, end = work.planner, work.joint.position(fractions[0])
+    if not _floor_allows(work, q, share, fractions[-1], push):
+        return None
     # Most do not get far, and long steps find that sooner.
     for coarseness in (COARSE, 1):
         trajectory = _tracked(work, q, share, end, push, coarseness).trajectory
@@ -399,6 +408,23 @@ def reachable_end(
         if leaves:
             return fraction, planner.kinematics.margin(trajectory.path[:rows, planner.robot.arm])
     return None
+
+
+def _floor_allows(work: ArticulationTask, q: Array, share: Share, fraction: float, push: Push | None) -> bool:
+    """Return whether the base can go along to a fraction of the joint's range, before any posture is solved for.
+
+    On the way a door that stands open moves out of the base's way, so that only where it ends excludes anything.
+    """
+    planner, joint = work.planner, work.joint
+    if planner.robot.keeps_order:
+        return True
+    planner.effort.add(CANDIDATE_S)
+    end = joint.position(fraction)
+    bases = _course(work, q, share, end, push, COARSE).bases[:, :3]
+    if joint.fraction(work.now) <= OPEN_FRACTION:
+        return not planner.floor.taken(bases).any()
+    with joints_at(planner, {(work.object_id, joint.name): end}):
+        return not planner.floor.taken(bases[-1:]).any()
 
 
 def _rows_to(work: ArticulationTask, fraction: float, trajectory: ArticulationPath) -> int:

@@ -77,6 +77,7 @@ class CollisionOracle:
         carried: What is in the gripper, with its cargo.
         base_clearance_m, arm_clearance_m: What base and arm keep from everything, whatever margin is asked for.
         opening_m: Default position of the fingers in queries.
+        slack_m: By how much less of a wanted clearance is enough.
     """
 
     def __init__(self, world: World) -> None:
@@ -88,6 +89,7 @@ class CollisionOracle:
         self.base_clearance_m = BASE_CLEARANCE_M
         self.arm_clearance_m = ARM_CLEARANCE_M
         self.opening_m = self.kinematics.finger_upper_m
+        self.slack_m = 0.0
         self._resting: dict[str, Array] = {}
         self._joints: dict[JointTarget, float] = {}
         self._shown: dict[str, list[float]] = {}
@@ -278,7 +280,8 @@ class CollisionOracle:
             return max(margin_m, self.base_clearance_m)
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)
-        return max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
+        wanted_m = max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
+        return wanted_m - min(self.slack_m, wanted_m / 2)
 
 
 def fingers_may_touch(robot: Robot, other: str, *, hand: bool = False) -> Allowed:

@@ -157,6 +157,8 @@ DRIVE_MARGIN_M = 0.01  # Of the arm at home there.
 MOST_DRIVES = 8  # Each costs a search.
 MOST_TREES = 4  # Of the slides after which the way home is searched for.
 DOWN = np.array([0.0, 0.0, -1.0])
+OUT_M, UP_M = (*(0.005 * step for step in range(13)), 0.08, 0.10, 0.15), (0.30, 0.20, 0.12)
+"""Out of a drawer: how far a thing that is partly below the top comes out first, and how far the lift raises it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,34 +272,85 @@ def _anywhere(_: Array) -> bool:
     return True
 
 
-def go_home(planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere) -> Array | None:
+def go_home(
+    planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere, outward_rad: float | None = None
+) -> Array | None:
     """Return a free path (N, Q), q first, to the arm's home posture, or None.
 
-    The base backs out straight where it has to, then aside. Where nothing straight is free, it drives to the nearest
-    place where the arm has room.
+    The base backs out straight where it has to, then aside. Where nothing straight is free, a lift raises the hand on
+    the way, as out of a drawer. Else the base drives to the nearest place where the arm has room.
 
     Args:
         q: (Q,) where the robot is.
         is_out: Whether the path may end in a configuration (Q,): with the arm at home a hand may still be within
             what it reached into.
+        outward_rad: Heading in which a drawer that the hand is in was pulled; None where it is in none.
     """
     straight = _straight_home(planner, q, is_out)
+    straight = straight if straight is not None else _raised_home(planner, q, is_out, outward_rad)
     return straight if straight is not None else _drive_home(planner, q, is_out)
 
 
-def _straight_home(planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere) -> Array | None:
+def leads_straight_home(
+    planner: Planner, q: Array, is_out: Callable[[Array], bool], outward_rad: float | None = None
+) -> bool:
+    """Return whether there is a way home, as of `go_home`, that no tree has to be grown for: that is left to chance."""
+    straight = _straight_home(planner, q, is_out, most_trees=0)
+    return straight is not None or _raised_home(planner, q, is_out, outward_rad) is not None
+
+
+def _raised_home(
+    planner: Planner, q: Array, is_out: Callable[[Array], bool], outward_rad: float | None
+) -> Array | None:
+    """Return a way home on which the hand comes out a little, is raised, and goes on straight; or None.
+
+    A thing that is in part below the top of what its drawer is in has to come out before it is raised over the front.
+    """
+    if not planner.robot.lift_m or planner.robot.keeps_order:
+        return None
+    back_rad = float(q[2]) + np.pi
+    for heading_rad in (back_rad,) if outward_rad is None else (outward_rad, back_rad):
+        for out_m in OUT_M:
+            out = base_move(q, out_m, heading_rad)
+            with planner.oracle.leaving(q):
+                if out_m and not _is_slide_free(planner, out[0], out[1]):
+                    break
+            up = _raised(planner, out[1])
+            if up is None:
+                continue
+            home = _straight_home(planner, up, is_out, most_trees=0)
+            if home is not None:
+                return np.concatenate([q[None], *([out[1:]] if out_m else []), home])
+            break  # From a little farther out it would be the same.
+    return None
+
+
+def _raised(planner: Planner, q: Array) -> Array | None:
+    """Return a configuration (Q,) to which the lift can raise the hand, the highest one; or None."""
+    for up_m in UP_M:
+        up = q.copy()
+        up[3] = min(up[3] + up_m, planner.robot.lift_m)
+        with planner.oracle.leaving(q):
+            if up[3] > q[3] and _is_slide_free(planner, q, up):
+                return up
+    return None
+
+
+def _straight_home(
+    planner: Planner, q: Array, is_out: Callable[[Array], bool] = _anywhere, most_trees: int = MOST_TREES
+) -> Array | None:
     back = [float(q[2]) + np.pi]
     T = planner.kinematics.forward(q)
     if abs(pitch_of(T)) < np.deg2rad(60.0):
         back.append(heading_of(-T[:3, 2]))
     with planner.oracle.leaving(q):
-        straight = _slide_home(planner, q, back, is_out)
-        straight = straight or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD], is_out)
+        straight = _slide_home(planner, q, back, is_out, most_trees)
+        straight = straight or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD], is_out, most_trees)
     return None if straight is None else np.concatenate(straight)
 
 
 def _slide_home(
-    planner: Planner, q: Array, headings: list[float], is_out: Callable[[Array], bool]
+    planner: Planner, q: Array, headings: list[float], is_out: Callable[[Array], bool], most_trees: int
 ) -> list[Array] | None:
     """Return a slide of the base and the arm's path home from there, or None."""
     withdraw_m, home, base = planner.robot.withdraw_m, np.array(planner.robot.home), planner.robot.base
@@ -313,7 +366,7 @@ def _slide_home(
             if path is not None:
                 return [out[:1], path] if distance_m else [path]
             known.append((distance_m, out))
-        slides = iter(known[::-1][:MOST_TREES])
+        slides = iter(known[::-1][:most_trees])
     for distance_m, out in slides:
         iterations = 150 if distance_m < withdraw_m[-1] else 600
         path = planner.arm_path(out[1], home, iterations=iterations)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.asset_geometry import bounds, width_at
+from executor.assets.asset_geometry import bounds, rolls_freely, width_at
 from executor.assets.model import Asset, Handle, Rim, Vector
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.planning.cargo import Carried
@@ -45,6 +45,9 @@ FROM_ABOVE_COST = 0.10  # The hand comes from above only where the side is taken
 OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
 _LEVEL = 0.3  # Of an axis: the fingers can close along it.
 PITCHES_DEG = (*TALL_PITCHES_DEG[1:], *FROM_ABOVE_DEG)
+DEEP_PITCHES_DEG, DEEP_ABOVE_M, DEEP_COST = (88.0, 75.0, 60.0), (0.0, 0.008, 0.015), 0.05
+"""For what lies in a box: steep hands, and how far above its middle they hold it, so that the palm stays out."""
+
 BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 """How far below the top the fingers' middle is, the deepest hold first."""
 
@@ -57,6 +60,12 @@ GRIP_DEPTHS_M, DEPTH_COST = (0.016, 0.010), 0.1
 
 LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
+
+SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
+"""The same of a hand that comes nearly level along the rim: under a board or into a microwave no steeper one gets.
+
+What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
+"""
 
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
 UPRIGHT_COSINE = 0.95  # Within 18 degrees.
@@ -195,6 +204,36 @@ def item_headings(asset: Asset, R_world_object: Array) -> list[float]:
     return [heading_of(axis) + side for axis in level for side in (np.pi / 2, -np.pi / 2)]
 
 
+def deep_goals(asset: Asset, T_world_object: Array, along_rad: float) -> list[HandGoal]:
+    """Return steep hand poses around a low item, at its middle and higher up; none for tall items.
+
+    Walls around it, as of a box, keep flatter hands out, and the palm from coming down as far as usual. What is
+    round is held no higher than where its sides hold.
+
+    Args:
+        asset: The item; its frame is the centre of its bounding box.
+        T_world_object: (4, 4) where it stands.
+        along_rad: Heading of a wall: along walls the open fingers have most room beside a thing that any side holds.
+    """
+    if is_tall(asset):
+        return []
+    R, height_m = T_world_object[:3, :3], asset.extent_m[2]
+    point = T_world_object[:3, 3] + R @ np.array(asset.grasp_point_m)
+    most_m = (
+        float(np.sqrt(1.0 - HOLDING_SHARE**2)) * height_m / 2 if rolls_freely(asset) else height_m / 2 - GRIP_DEPTH_M
+    )
+    above_m = [above_m for above_m in DEEP_ABOVE_M if above_m <= most_m]
+    headings = item_headings(asset, R) if asset.grasp_axes else [along_rad + side * np.pi / 2 for side in range(4)]
+    goals = []
+    for yaw, (rank, pitch_deg), (higher, up_m) in itertools.product(
+        headings, enumerate(DEEP_PITCHES_DEG), enumerate(above_m)
+    ):
+        at = point + np.array([0.0, 0.0, up_m])
+        cost = PITCH_COST * rank + DEEP_COST * higher
+        goals.append(HandGoal(transform(hand_rotation(yaw, np.deg2rad(pitch_deg)), at), yaw, cost))
+    return goals
+
+
 def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     """Return hand poses that close around the upper part of an item, whose palm may or may not have room.
 
@@ -220,19 +259,20 @@ def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     return goals
 
 
-def rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
+def rim_goals(asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD) -> list[HandGoal]:
     """Return hand poses at each flat piece of an upright thing's wall, coming down along it from outside.
 
     Args:
         asset: The thing; without a rim there are none.
         T_world_object: (4, 4) where it stands; there are none where it lies.
+        leans_rad: How far the hand leans over along the rim.
     """
     if asset.rim is None or T_world_object[2, 2] < UPRIGHT_COSINE:
         return []
     goals = []
     middle = (T_world_object @ np.array([*asset.rim.center_m, 1.0]))[:3]
     sides, depths = range(asset.rim.sides), enumerate(GRIP_DEPTHS_M)
-    for side, (rank, depth_m), lean in itertools.product(sides, depths, LEANS_RAD):
+    for side, (rank, depth_m), lean in itertools.product(sides, depths, leans_rad):
         T = T_world_object @ _hand_at(asset.rim, 2.0 * np.pi * side / asset.rim.sides, depth_m, lean)
         cost = DEPTH_COST * rank + (LEAN_COST if lean else 0.0)
         goals.append(HandGoal(T, heading_of_hand(T, middle), cost))

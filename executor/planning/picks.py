@@ -12,10 +12,10 @@ import numpy as np
 
 from bddl import Atom
 from executor.assets.model import Asset
-from executor.geometry import Array
+from executor.geometry import Array, heading_of
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import SIDEWAYS_RAD, deep_goals, item_goals, rim_goals, room_below_m, top_goals
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -38,6 +38,7 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
+UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
 OUT_M = 0.01
 """How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
 
@@ -64,10 +65,12 @@ class Lift:
     Attributes:
         moves: The moves with all numbers filled in.
         at_rim: Whether the grasp is at the thing's wall, not around all of it.
+        suits_place: False where a hand in another grasp could put the item into its place, and this one cannot.
     """
 
     moves: tuple[Action, ...]
     at_rim: bool = False
+    suits_place: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +84,7 @@ class Pick:
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (B,) where the base stands.
         lifts_m: Candidates of an unfilled lift, the preferred one first; out of a bowl it is as high as needed.
+        leads_out: Whether the hand gets out with the item from where it was lifted to (Q,); None where it need not.
     """
 
     planner: Planner
@@ -89,6 +93,7 @@ class Pick:
     moves: tuple[Action, ...]
     here: Array
     lifts_m: tuple[float, ...] = LIFTS_M
+    leads_out: Callable[[Array], bool] | None = None
 
     def stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the hand can close around all of the item, and the moves after can be made.
@@ -100,20 +105,43 @@ class Pick:
 
         def lift_where(wanted: bool) -> Validate[Lift]:
             forward = self.planner.kinematics.forward
-            return lambda q: lift(q) if allows_placement is None or allows_placement(forward(q)) is wanted else None
+
+            def validate(q: Array) -> tuple[Lift, float] | None:
+                if allows_placement is not None and allows_placement(forward(q)) is not wanted:
+                    return None
+                found = lift(q)
+                return found if found is None or wanted else (replace(found[0], suits_place=False), found[1])
+
+            return validate
 
         for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
             yield from self._search(goals, validate)
 
-    def rim_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances from which the item can be taken by its wall, if it has one."""
-        if self._asset.rim is not None:
-            yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
+    def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the item can be taken by its wall, if it has one.
+
+        Args:
+            allows_placement: Whether a hand at a pose (4, 4) can also place the item later. Where no usual one can, a
+                hand that comes sideways along the rim may.
+        """
+        if self._asset.rim is None:
+            return
+        lift = self._lifting(at_rim=True)
+        usual = rim_goals(self._asset, self._T_item)
+        sideways = [] if self.planner.robot.keeps_order else rim_goals(self._asset, self._T_item, SIDEWAYS_RAD)
+        if allows_placement is not None:
+            for goals in (usual, sideways):
+                yield from self._search([goal for goal in goals if allows_placement(goal.T_world_eef)], lift)
+        yield from self._search(usual, lift)
+        yield from self._search(sideways, lift)
 
     def last_stances(self) -> Iterator[Stance[Lift]]:
-        """Yield stances of last resort: near the item's top, from close by, or with the arm nearly stretched."""
+        """Yield stances of last resort: near the item's top, steep in a box, from close by, or nearly stretched."""
         lift, robot = self._lifting(), self.planner.robot
         yield from self._search(top_goals(self._asset, self._T_item), lift)
+        along_rad = None if robot.keeps_order else walls_rad(self.world, self.item)
+        if along_rad is not None:
+            yield from self._search(deep_goals(self._asset, self._T_item, along_rad), lift)
         for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
             if reaches_m:
                 yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)
@@ -181,7 +209,7 @@ class Pick:
                 if (clear or along is None) and not presses(q, way):
                     found = Lift(filled, at_rim), 0.02 * rank
                     if clear:
-                        return found
+                        return found if self.leads_out is None or self.leads_out(end) else None
                     along = found  # It stands against something, and may be lifted along that.
             return along
 
@@ -191,6 +219,17 @@ class Pick:
                 return oracle.first_hit(way, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is not None
 
         return lift
+
+
+def walls_rad(world: World, item: str) -> float | None:
+    """Return the heading of a wall of the bowl, box or drawer that an item lies in; None where it lies in none."""
+    for name in (*world.dynamic_ids, *world.articulated_ids):
+        found = read(Atom("inside", (item, name)), world) if name != item else None
+        if found is not None and found.value:
+            region = next(one for one in world.assets[name].regions if one.name == found.measurements.region)
+            if region.opening[2] > UPWARD:
+                return heading_of(world.T_world_link(name, region.link)[:3, 0])
+    return None
 
 
 def lifts_out_m(lifts_m: tuple[float, ...], world: World, item: str) -> tuple[float, ...]:

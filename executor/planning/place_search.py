@@ -81,7 +81,7 @@ EXPLAINING_CONFIGURATIONS = 100
 ALIKE = np.array([0.005, 0.005, 0.02, 0.1, 0.1, 0.1])
 """Of places [m] and upward axes: what is let go of so alike falls alike."""
 
-LANDING_S = 0.06  # Effort to find out where a thing ends.
+LANDING_S = 0.15  # Effort to find out where a thing ends.
 LEAST_LANDINGS = 4  # Of which none stays, before a thing counts as one that stays nowhere.
 MOST_LANDINGS = 24
 """In how many ways a thing is let go of at most; where it may stay at all, it does so in a third of them."""
@@ -213,7 +213,7 @@ class PlaceSearch:
             for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
-        candidates = candidates_of(self.planner, goals, self.q, TURNS_RAD)
+        candidates = candidates_of(self.planner, goals, self.q, TURNS_RAD, reaches_into(robot, self.regions))
         first = itertools.islice(examine(candidates), MOST_CANDIDATES)
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
@@ -376,6 +376,15 @@ class PlaceSearch:
         if hit := self.planner.oracle.first_hit(way, margin_m=CLEARANCE_M):
             return f"{_words([hit])} meet on the way in"
         return "the way there is not free"
+
+
+def reaches_into(robot: Robot, regions: Collection[Region]) -> tuple[float, ...]:
+    """Return how far before the hand the base may be over some regions, the preferred distance first.
+
+    Deep in a compartment over a counter nothing but a nearly stretched arm gets there.
+    """
+    behind_a_front = any(region.opening[2] <= UPWARD for region in regions)
+    return robot.reaches_m + robot.far_reaches_m * (behind_a_front and not robot.keeps_order)
 
 
 def lowerings_m(regions: Collection[Region], height_m: float = 0.0) -> tuple[float, ...]:
@@ -542,7 +551,10 @@ class PlacementLookahead:
         )
         oracle.carried = carried
         try:
-            candidates, looked_at = base_candidates(robot, wanted, self._here, TURNS_RAD), 0
+            candidates, looked_at = (
+                base_candidates(robot, wanted, self._here, TURNS_RAD, reaches_into(robot, self._regions)),
+                0,
+            )
             blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
             budget = budget if robot.keeps_order else min(budget, FORECAST_CANDIDATES)
             for candidate in candidates if robot.keeps_order else sides.roomy_first(candidates):

@@ -55,6 +55,7 @@ ASIDE_M = (0.005, 0.01, 0.0, 0.015)  # More than half of the distance to what co
 NEARER = (0.5, 0.0)  # What stands half on a bowl's wall may fall; nearer to the middle it does not.
 NEARER_COST = 0.15  # Farther out there is more room for what comes later.
 HEAP_M = 0.08  # What lies in a bowl is at most so high where another thing is let go of above it.
+ROOM_COST = 1.0  # Of a place that leaves no room for what comes later: more than all other costs.
 SQUARE_M = 1e-4  # By so much the sides of a square region differ at most.
 PARALLEL = 1e-6
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
@@ -148,7 +149,37 @@ def spots(
         return aside
     drawn = aside + free(floor.spots_aside(to_come_m, NEARER)) if aside else free(floor.sample_spots(here, rng))
     found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
+    if to_come_m and heaps and not floor.is_small:
+        theirs = spots(region, T_world_link, to_come_m, here, height_m=height_m, others=others)
+        inward = -T_world_link[:2, :2] @ np.array(region.opening[:2]) if floor.is_behind_a_front else np.zeros(2)
+        found = _with_room_first(found, theirs, (footprint_m + to_come_m) / 2 + APART_M, inward)
     return found + _later(free(heaped())) if heaps else found
+
+
+def _with_room_first(
+    found: list[PlacementSpot], theirs: list[PlacementSpot], apart_m: float, inward: Array
+) -> list[PlacementSpot]:
+    """Return spots, those last that leave none of other spots free.
+
+    Args:
+        found: The spots.
+        theirs: Free spots of what comes later.
+        apart_m: Distance of a spot from one of the others that is left free.
+        inward: (2,) from the front of a compartment to its back; 0 where there is no front. What comes first goes to
+            the back, so that the hand with the next thing does not have to pass it.
+    """
+    if not theirs:
+        return found
+    others_m = np.array([spot.point_m[:2] for spot in theirs])
+    costed = list[PlacementSpot]()
+    for spot in found:
+        off_m = others_m - spot.point_m[:2]
+        before = off_m @ inward <= 0.0
+        spare_m = float(np.hypot(*off_m.T)[before].max(initial=0.0)) - apart_m
+        # Fingers need room between the two, and what is let go of is not where it was meant to the millimetre.
+        cost = ROOM_COST if spare_m < 0.0 else CROWD_COST * max(0.0, 1.0 - spare_m / ROOM_M)
+        costed.append(replace(spot, cost=spot.cost + cost))
+    return sorted(costed, key=lambda spot: spot.cost)
 
 
 def _later(found: list[PlacementSpot]) -> list[PlacementSpot]:
@@ -188,12 +219,12 @@ class _Floor:
             turns = itertools.product(enumerate(FLOOR_RINGS_M), range(FLOOR_SPOTS))
             around = (self._on_ring(here, ring_m, k / FLOOR_SPOTS, 0.05 * rank) for (rank, ring_m), k in turns)
             yield from (spot for spot in around if spot is not None)
-        elif self._is_behind_a_front:
+        elif self.is_behind_a_front:
             depth_room, width_room = self._depth_m, self._lateral_room_m(0.01)
             for (rank, depth), lateral in itertools.product(enumerate(DEPTHS_M), LATERALS_M):
                 if depth + self.footprint_m / 2 <= depth_room and abs(lateral) <= width_room:
                     yield self._behind(depth, lateral, 0.03 * rank + LATERAL_COST * abs(lateral))
-        elif self._is_small:
+        elif self.is_small:
             yield self._within((0.0, 0.0), 0.0)
         else:
             for edge in EDGES.values():
@@ -213,7 +244,7 @@ class _Floor:
                 spot = self._on_ring(here, _between(numbers[0], FLOOR_RINGS_M[0], FLOOR_RINGS_M[-1]), numbers[1], cost)
                 if spot is not None:
                     yield spot
-            elif self._is_behind_a_front:
+            elif self.is_behind_a_front:
                 nearest = max(BEHIND_M, least)
                 deepest = min(DEEPEST_M, self._depth_m - self.footprint_m / 2 - 0.01)
                 lateral_limit = min(WIDEST_M, self._lateral_room_m(EDGE_M))
@@ -223,7 +254,7 @@ class _Floor:
                         _between(numbers[1], -lateral_limit, lateral_limit),
                     )
                     yield self._behind(depth, lateral, cost)
-            elif self._is_small:
+            elif self.is_small:
                 if rank >= HOLLOW_DRAWS:
                     break
                 radius = min(self.half[:2]) - self.footprint_m / 2 - FINGER_M
@@ -269,7 +300,7 @@ class _Floor:
     @property
     def _angles(self) -> list[float]:
         """Directions from the middle of what is small and has walls: all around, and into the corners of a box."""
-        if not (self._is_small and self.is_within):
+        if not (self.is_small and self.is_within):
             return []
         around = [2 * np.pi * turn / HEADINGS for turn in range(HEADINGS)]
         rooms_m = np.maximum(self.half[:2] - self.footprint_m / 2, 0.0)
@@ -307,11 +338,13 @@ class _Floor:
         return PlacementSpot(point, tuple(heading + offset for offset in HEADING_OFFSETS_RAD), cost)
 
     @property
-    def _is_behind_a_front(self) -> bool:
+    def is_behind_a_front(self) -> bool:
+        """Whether things are put in from the side."""
         return bool(abs(self.opening[2]) < 0.5)
 
     @property
-    def _is_small(self) -> bool:
+    def is_small(self) -> bool:
+        """Whether one side is as good as any other: bowls and boxes, in which things are put aside as it is."""
         return bool(max(self.half[:2]) < SMALL_M)
 
     @property

@@ -37,6 +37,9 @@ BASE_WEIGHTS = (1.0, 1.0, 0.4, 1.0)  # A radian of turning counts as 0.4 m of dr
 PATIENCE = 100
 """After so many samples a drive is given up whose start or goal is walled in."""
 
+SLACK_M = 0.001
+"""What a choice of the dry run may be tighter in physics: things are a little off. The robot still touches nothing."""
+
 SHORTENINGS, FEW_SHORTENINGS = 60, 16  # Of a drive; most of its corners are cut by the first few.
 BASE_ROOM_M = 1.2  # Around start and goal, where the search begins.
 NEAR_SAMPLES = 300
@@ -109,12 +112,13 @@ class Planner:
 
     @contextmanager
     def narrowed_to(self, choice: Choice, T_world_anchor: Array) -> Iterator[None]:
-        """Narrow the searches in the block to candidates near a choice."""
+        """Narrow the searches in the block to candidates near a choice, which may be a little tighter than it was."""
         self.near = Near(choice.base, T_world_anchor @ choice.T_anchor_eef, choice.drives)
+        self.oracle.slack_m = SLACK_M
         try:
             yield
         finally:
-            self.near = None
+            self.near, self.oracle.slack_m = None, 0.0
 
     def line(self, q: Array, T_world_eef: Array) -> LinePlan:
         """Plan a straight hand motion to a pose with the arm alone, not checked for collisions.

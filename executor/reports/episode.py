@@ -26,6 +26,7 @@ Strip = tuple[str, Sequence[tuple[bytes, str]]]
 FAILURE_MEANINGS = {
     "unreachable": "No posture of the robot brings the hand where the step needs it.",
     "timeout": "The step took longer than a primitive may.",
+    "no-answer-in-time": "The search took all its time and found nothing: whether there is a way is not known.",
     "no-collision-free-path": "The goal of the motion can be reached, but every path found touches something.",
     "grasp-missed": "The fingers closed without holding the target.",
     "too-wide-for-gripper": "The target does not fit between the fingers.",

@@ -72,7 +72,7 @@ def judged(found: AdmittedTask, scene: Scene, seed: int, limit_s: float) -> Judg
         return Judged(found, None, f"no answer within {limit_s:g} s of CPU time", spent_s())
     except Scene2DemoError as problem:
         return Judged(found, False, str(problem), spent_s())
-    return Judged(found, answer.feasible, answer.reason, spent_s())
+    return Judged(found, answer.feasible if answer.decided else None, answer.reason, spent_s())
 
 
 class Answers:

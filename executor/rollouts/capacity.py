@@ -103,7 +103,7 @@ def no_room(world: World, subtask: SimpleTask) -> Failure | None:
 
 
 def _may_end_inside(world: World, item: str, support: str, region: Region) -> bool:
-    """Return whether the middle of a thing gets below the rim of what is open at the top, as `inside` asks.
+    """Return whether a thing stands between the walls of what is open at the top, or its middle gets below the rim.
 
     What rolls, or lies already, ends as it falls; all else has to stand as upright as a goal asks of it.
     """
@@ -113,6 +113,8 @@ def _may_end_inside(world: World, item: str, support: str, region: Region) -> bo
         not stands
         or region.opening[2] <= UPWARD
         or (_least_middle_m(world, item, support) <= 2 * region.half_extents_m[2])
+        # What stands between the walls is in, however far it stands out.
+        or all(extent / 2 <= half for extent, half in zip(asset.extent_m[:2], region.half_extents_m[:2], strict=True))
     )
 
 

@@ -26,6 +26,7 @@ from executor.records import (
     Detour,
     Event,
     Failure,
+    FailureKind,
     Listener,
     PlanRefused,
     StepRecord,
@@ -63,7 +64,7 @@ SPARE_DEG, SPARE_M = 15.0, 0.002
 """How far from what a goal allows a thing has to end there: the opening fingers turn what they let go of."""
 
 MOST_FORECAST_S = 15.0
-"""Effort of a forecast from which on no repairs and no other plans are begun, and at which begun ones end [s]."""
+"""Effort at which a forecast ends, its repairs and other plans included [s]; what has no answer by then has none."""
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
@@ -148,6 +149,11 @@ class Feasibility:
         return self.failure is None
 
     @property
+    def decided(self) -> bool:
+        """Whether there is an answer: a search that ran out of its time says neither yes nor no."""
+        return self.failure is None or self.failure.kind is not FailureKind.NO_ANSWER
+
+    @property
     def in_the_way(self) -> tuple[str, ...]:
         """Bodies that are named as obstacles, the most frequent one first."""
         found = first_of(self.failure.measurements, Unplanned) if self.failure is not None else None
@@ -155,7 +161,7 @@ class Feasibility:
 
     @property
     def reason(self) -> str:
-        """Why the plan is not feasible, in one sentence with the subtask's name; empty where it is."""
+        """Why the plan is not feasible, or has no answer, in a sentence with the subtask's name; empty where it is."""
         if self.failure is None:
             return ""
         if not self.primitive:
@@ -168,7 +174,7 @@ class Feasibility:
     def to_json(self) -> dict[str, Any]:
         """Return the verdict with its numbers as plain data."""
         return {
-            "feasible": self.feasible,
+            "feasible": self.feasible if self.decided else None,
             "cpu_s": round(self.cpu_s, 3),
             "failed": self.subtasks[-1].record.name if self.failure is not None else None,
             "primitive": self.primitive or None,
@@ -224,11 +230,12 @@ def feasible(
     # A goal names no part and no spot: another plan for it would not hold to them.
     by_goal = not any(subtask.where is not None for subtask in graph.task.subtasks)
     while most_repairs and by_goal and not found and found.known and len(known) <= MOST_PLANS:
-        if effort_s - first.effort_s > MOST_EFFORT_S or effort_s > _most_forecast_s(nominal):
-            break
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
         if planned.task is None:
+            break
+        if effort_s - first.effort_s > MOST_EFFORT_S or effort_s > _most_forecast_s(nominal):
+            first = _undecided(first)
             break
         found = verdict(compose(planned.task, scene=scene), effort_s)
         known, cpu_s, effort_s = (*known, *found.known), cpu_s + found.cpu_s, effort_s + found.effort_s
@@ -236,6 +243,15 @@ def feasible(
         return replace(first, known=known, cpu_s=cpu_s, effort_s=effort_s)
     detours = (Detour(0, 0, f"another plan is taken: {first.reason}"), *found.detours)
     return replace(found, known=known, cpu_s=cpu_s, effort_s=effort_s, detours=detours)
+
+
+def _undecided(found: Feasibility) -> Feasibility:
+    """Return the verdict of a plan that cannot be done as it is, while there was no time for what else could be."""
+    failure = found.failure
+    if failure is None or failure.kind is FailureKind.NO_ANSWER:
+        return found
+    message = f"no answer in the time: as it is, {failure.message}; not everything else was gone through"
+    return replace(found, failure=Failure(FailureKind.NO_ANSWER, message, failure.measurements))
 
 
 def _most_forecast_s(scene: Scene) -> float:
@@ -270,7 +286,7 @@ class DryRun:
     ) -> None:
         self._scene, self._seed, self._listen = scene, seed, listen
         self._most_s = _most_forecast_s(scene) - before_s
-        self._is_first = not before_s
+        self._ran_out = False
         self._detours: tuple[Detour, ...] = ()
         self._avoided: Ways = frozenset()
         self._repairs_left = most_repairs
@@ -285,13 +301,13 @@ class DryRun:
             self._planner = Planner(CollisionOracle(oracle))
             self._world, self._hand = world, Hand()
             self._control = DryController(world, np.array(start.target), start.finger_target_m)
-            with self._planner.effort.limited(math.inf if self._is_first else self._most_s):
+            with self._planner.effort.limited(self._most_s):
                 done = tuple(self._subtasks())
         failed = done[-1].record if done and not done[-1].record.succeeded else None
         failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
         failure = failed.failure or failure if failed is not None else None
         primitive = next((step.primitive for step in failed.steps if step.failure), "") if failed is not None else ""
-        return Feasibility(
+        found = Feasibility(
             self._task,
             done,
             failure,
@@ -302,6 +318,7 @@ class DryRun:
             self._known,
             self._planner.effort.spent_s,
         )
+        return _undecided(found) if self._ran_out else found
 
     def _refused(self, index: int, step: int, failure: Failure) -> FeasibleSubtask:
         """Return the record of a subtask of which sizes alone say that it cannot be done."""
@@ -325,14 +342,21 @@ class DryRun:
             starts.append(self._state())
             refused = None if done else first_misfit(self._task, self._world)
             done.append(self._subtask(len(done)) if refused is None else self._refused(*refused))
-            if not done[-1].record.succeeded:
-                left_s = min(MOST_EFFORT_S, self._most_s - self._planner.effort.spent_s)
-                with self._planner.effort.limited(left_s):
-                    mended = refused is None and left_s > 0.0 and self._mended(done, starts)
-                if not mended:
-                    self._known = self._found_impossible(done, starts[-1][1].held)
-                    break
+            if done[-1].record.succeeded:
+                continue
+            if refused is not None or not self._mended_in_time(done, starts):
+                self._known = self._found_impossible(done, starts[-1][1].held)
+                break
         return done
+
+    def _mended_in_time(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
+        """Go through repaired plans while there is time; return whether one gets past what failed."""
+        effort, left = self._planner.effort, self._repairs_left
+        ends_s = min(self._most_s, effort.spent_s + MOST_EFFORT_S)
+        with effort.limited(ends_s - effort.spent_s):
+            mended = self._mended(done, starts)
+        self._ran_out = not mended and left > 0 and effort.spent_s >= ends_s
+        return mended
 
     def _found_impossible(self, done: list[FeasibleSubtask], held: str | None) -> tuple[Infeasible, ...]:
         """Return what the last subtask shows to be impossible."""

@@ -17,10 +17,10 @@ import numpy as np
 
 import bddl
 from executor.assets.library import asset_for
-from executor.records import Detour, SubtaskRecord
+from executor.records import Detour, FailureKind, SubtaskRecord
 from oag import Action, Primitive, Scene, SceneObject, SimpleTask, Task
 from oag.flows import OPEN, PLACE, taking
-from oag.measurements import JointMotion, SupportDrive, Unplanned, first_of
+from oag.measurements import JointMotion, SupportDrive, TargetDrive, Unplanned, first_of
 from oag.model.actions import ActionFlow
 from oag.model.infeasible import Infeasible, InfeasibleKind
 from oag.model.symbols import GRIPPER, Kind
@@ -123,7 +123,8 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
 def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     """Return what a failed subtask shows to be impossible while all that its search met stays where it is.
 
-    None where the search was not free to choose, or did not fail for want of a stance, a grasp, a place or a way.
+    None where the search was not free to choose, ran out of its time, or did not fail for want of a stance, a grasp, a
+    place or a way.
 
     Args:
         facts: What is known to be true at the subtask's start, as BDDL.
@@ -131,6 +132,8 @@ def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     failure, subtask, flow = failed.record.failure, failed.subtask, failed.subtask.flow or ()
     found = first_of(failure.measurements, Unplanned) if failure is not None else None
     if failure is None or found is None or any(action.parameter is not None for action in flow):
+        return None
+    if failure.kind is FailureKind.NO_ANSWER:
         return None
     kind, place = _attempted(failed, found)
     about = {subtask.target, place}
@@ -201,9 +204,12 @@ def another_grasp(failed: Failed) -> Iterator[Repair]:
 
 
 def another_order(failed: Failed) -> Iterator[Repair]:
-    """Yield plans in which what is in the way is handled first, where the plan handles it later all the same."""
+    """Yield plans in which what is in the way is handled first, where the plan handles it later all the same.
+
+    So is what stands where a held thing has no place, and is taken from there later, as in an exchange.
+    """
     index, subtasks = _with_empty_hand(failed), failed.task.subtasks
-    for blocker in _blockers(failed):
+    for blocker in dict.fromkeys((*_blockers(failed), *_leaving(failed))):
         start = next((k for k in range(failed.index + 1, len(subtasks)) if subtasks[k].target == blocker), None)
         if start is None:
             continue
@@ -263,9 +269,22 @@ REPAIRS: tuple[Callable[[Failed], Iterator[Repair]], ...] = (
 )
 
 
+def _preferred(failed: Failed) -> list[Callable[[Failed], Iterator[Repair]]]:
+    """Return all repairs, first those that the plan itself speaks for.
+
+    What the place is free of later is moved first. A hand that was known not to suit the place takes the thing again.
+    """
+    takes = [record for record in failed.before if failed.task.subtasks[record.index].target == failed.subtask.target]
+    drives = [first_of(step.measurements, TargetDrive) for record in takes[-1:] for step in record.steps]
+    first: list[Callable[[Failed], Iterator[Repair]]] = [another_order] if _leaving(failed) else []
+    if any(drive is not None and drive.suits_place is False for drive in drives):
+        first.append(another_grasp)
+    return [*first, *(each for each in REPAIRS if each not in first)]
+
+
 def repairs(failed: Failed) -> Iterator[Repair]:
     """Yield the plans of all repairs that the reason of a failure admits, the smallest change first."""
-    for repair in REPAIRS:
+    for repair in _preferred(failed):
         yield from repair(failed)
 
 
@@ -275,6 +294,14 @@ def _blockers(failed: Failed) -> list[str]:
     found = first_of(failure.measurements, Unplanned) if failure is not None else None
     items = (name for name in _met(found) if name in failed.scene.objects and failed.scene[name].role == "B")
     return [name for name in dict.fromkeys(items) if name != failed.subtask.target][:MOST_BLOCKERS]
+
+
+def _leaving(failed: Failed) -> list[str]:
+    """Return the items that are taken later from where a held thing found no place."""
+    if not found_no_place(failed.record, failed.subtask, failed.held):
+        return []
+    later, place = failed.task.subtasks[failed.index + 1 :], failed.subtask.support_goal
+    return [one.target for one in later if one.support_init == place and one.target != failed.held]
 
 
 def _met(found: Unplanned | None) -> list[str]:

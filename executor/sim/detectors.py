@@ -46,6 +46,7 @@ side of a shelf or the board above."""
 
 _EDGE_M = 0.005
 _UPRIGHT = 0.95  # Cosine of a lean up to which an object stands.
+_LEANING = 0.7  # Up to which it stands or leans, and does not lie.
 _REST_IMPULSE_NS = 1e-5
 
 
@@ -163,6 +164,10 @@ def _inside(world: World, object_id: str, container: str) -> AtomReading:
         return AtomReading(False, AtomMeasured(reason=f"{container} has no interior"))
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
+    if container in supporters:
+        fits = [
+            max(fit, _stands_in(world, object_id, container, region)) for fit, region in zip(fits, regions, strict=True)
+        ]
     best = max(range(len(regions)), key=lambda index: fits[index][0])
     depth, excess = fits[best]
     contained = excess <= _EDGE_M
@@ -315,6 +320,24 @@ def _fit(world: World, object_id: str, container: str, region: Region) -> tuple[
     # A saucer is in no cup that stands on it, though its middle is.
     spare_m = float(room[:2].max()) - min(world.assets[object_id].extent_m[:2]) / 2
     return (min(depth, spare_m) if spare_m < 0.0 and abs(up) > _UPRIGHT else depth), excess
+
+
+def _stands_in(world: World, object_id: str, container: str, region: Region) -> tuple[float, float]:
+    """Return the same as `_fit` of a thing that stands or leans in what is open at the top, and out of it.
+
+    A bottle in a bowl is in it as much as a low thing is, though its middle is above the rim. What counts is its foot:
+    between the walls, and in the lower half of the hollow. The depth is that of the foot, below the half.
+    """
+    T = inverse(world.T_world_link(container, region.link)) @ world.T_world_link(object_id)
+    extent, room = np.asarray(world.assets[object_id].extent_m), np.asarray(region.half_extents_m)
+    if region.opening[2] <= _UPRIGHT or world.T_world_link(container, region.link)[2, 2] <= _UPRIGHT:
+        return -np.inf, np.inf
+    upwards = float(T[2, 2])
+    foot = T[:3, 3] - T[:3, 2] * extent[2] / 2 - np.asarray(region.center_m)
+    beside_m = float((np.abs(foot[:2]) + extent[:2].min() / 2 - room[:2]).max())
+    if upwards < _LEANING or beside_m > _EDGE_M:
+        return -np.inf, np.inf
+    return min(-float(foot[2]), *(room - np.abs(foot))[:2].tolist()), float(T[2, 3] + extent[2] / 2 - room[2])
 
 
 def _surfaces(world: World, support: str) -> list[tuple[str | None, Array, Array]]:

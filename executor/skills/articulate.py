@@ -96,7 +96,7 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, J
     session.sync_planner()
     work = ArticulationTask(session.planner, world, target, handle, action)
     swing = swing or (None if driving_carries(joint, work.T_root) else motion_from_grasp(work, session.q))
-    end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
+    end = swing.end_fraction if swing is not None else end_fractions(session.planner.robot, action, joint, now)[0]
     motion = swing.motion if swing is not None else "rigid arc" if driving_carries(joint, work.T_root) else "none"
     path, failure = _path(work, session.q, swing, joint.position(end))
     session = replace(session, plan=session.plan.without_swing())

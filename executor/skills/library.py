@@ -100,7 +100,7 @@ def _set_down(session: Session, action: Action, failure: Failure) -> bool:
 
 
 MOST_EFFORT_S = 12.0
-"""How much planning one primitive may take (`Effort`) [s]."""
+"""How much planning one primitive may take (`Effort`) [s]; what takes more is neither possible nor impossible."""
 
 
 def bounded(runner: Runner, session: Session, action: Action) -> StepResult:
@@ -111,11 +111,13 @@ def bounded(runner: Runner, session: Session, action: Action) -> StepResult:
     except SearchExhausted as exhausted:
         subtask, met = session.subtask, exhausted.met
         often = f"; most often {next(iter(met))} meet" if met else ""
-        message = f"no plan for {action.primitive.name} among {exhausted.looked_at} configurations{often}"
+        message = (
+            f"no answer in the time for {action.primitive.name}: none among {exhausted.looked_at} configurations{often}"
+        )
         found = Unplanned(
             target=subtask.target, support=subtask.support_goal, looked_at=exhausted.looked_at, in_the_way=met or None
         )
-        return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (found,)))
+        return session.done(action, failure=Failure(FailureKind.NO_ANSWER, message, (found,)))
 
 
 Runner = Callable[[Session, Action], StepResult]

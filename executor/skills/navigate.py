@@ -28,10 +28,9 @@ from executor.planning.articulation_stances import (
     handles_to_open,
     open_joints,
 )
-from executor.planning.cargo import is_outside
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
-from executor.planning.grasps import item_goals
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
 from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
@@ -45,11 +44,12 @@ from executor.planning.picks import (
 from executor.planning.place_search import PlacementLookahead, PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
-from executor.planning.stances import Stance
+from executor.planning.stances import HandGoal, Stance
 from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
+from executor.skills.way_out import WayOut, is_out, pulled_rad
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, SupportDrive, TargetDrive, TooWide, Unplanned
 from oag.sizes import Gripper
@@ -272,20 +272,12 @@ def leave(session: Session) -> StepResult:
 
 def _retreat_holding(session: Session, action: Action) -> StepResult:
     session.sync_planner()
-    path = go_home(session.planner, session.q, lambda end: _is_out(session, end))
+    path = go_home(session.planner, session.q, lambda end: is_out(session, end), pulled_rad(session))
     if path is None:
         message = f"no free way back with {session.hand.held} in the hand"
         return session.done(action, failure=Failure(FailureKind.NO_PATH, message))
     monitor = session.monitor(session.hand.lifted_from)
     return session.done(action, failure=session.control.follow(path, speed=RETREAT_SPEED, monitor=monitor))
-
-
-def _is_out(session: Session, end: Array) -> bool:
-    """Return whether what is held is outside of what it is taken out of, at a configuration (Q,)."""
-    carried, within = session.planner.oracle.carried, session.subtask.support_init
-    if carried is None or within is None or within not in session.believed.assets:
-        return True
-    return is_outside(session.believed, carried, within, session.planner.kinematics.forward(end))
 
 
 _NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
@@ -373,11 +365,19 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
     fits = fits_between(world.assets[target], session.gripper)
-    if fits:
-        yield pick.stances(None if narrowed else _placement_check(session))
-    yield pick.rim_stances()
-    if fits:
-        yield pick.last_stances()
+    later = [action.primitive for action in session.flow[session.step :]]
+    leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
+    leaves = leaves and pulled_rad(session) is not None
+    way_out = WayOut(session)
+    for leads_out in (way_out.leads_out, None) if leaves else (None,):
+        if leads_out is None and leaves and (narrowed or not way_out.stuck):
+            return
+        pick = replace(pick, leads_out=leads_out)
+        if fits:
+            yield pick.stances(None if narrowed else _placement_check(session))
+        yield pick.rim_stances(None if narrowed else _rim_check(session))
+        if fits:
+            yield pick.last_stances()
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
@@ -388,12 +388,22 @@ def _lifts_m(session: Session) -> tuple[float, ...]:
     return LIFTS_M if goes_on else HIGH_LIFTS_M
 
 
-def _placement_check(session: Session) -> Callable[[Array], bool] | None:
+def _rim_check(session: Session) -> Callable[[Array], bool] | None:
+    """Return a test as of `_placement_check` for hands at the target's wall; None where there is nothing to test."""
+    asset = session.believed.assets[session.subtask.target]
+    if session.planner.robot.keeps_order or asset.rim is None:
+        return None
+    T_item = session.believed.T_world_link(session.subtask.target)
+    return _placement_check(session, [*rim_goals(asset, T_item), *rim_goals(asset, T_item, SIDEWAYS_RAD)])
+
+
+def _placement_check(session: Session, goals: list[HandGoal] | None = None) -> Callable[[Array], bool] | None:
     """Return a test of hand poses for the placement of a later subtask; None where no subtask places the target."""
     world, target = session.believed, session.subtask.target
     for later in session.later:
         if later.target == target and later.support_goal in session.world.assets:
-            goals = item_goals(world.model.hand, world.assets[target], world.T_world_link(target))
+            if goals is None:
+                goals = item_goals(world.model.hand, world.assets[target], world.T_world_link(target))
             regions = regions_for(session.world, later)
             lookahead = PlacementLookahead(
                 session.planner,
@@ -489,6 +499,7 @@ def _drive(session: Session, action: Action) -> StepResult:
         base_yaw_deg=round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
         joint_margin_deg=round(float(np.rad2deg(stance.margin_rad)), 1),
         legs=len(journey.legs),
+        suits_place=stance.followup.suits_place if isinstance(stance.followup, Lift) else None,
     )
     plan = replace(
         session.plan,

@@ -74,6 +74,7 @@ _IN_HINDSIGHT = {
 _BY_FAILURE = {
     "unreachable": CauseKind.OUT_OF_REACH,
     "no-collision-free-path": CauseKind.NO_WAY,
+    "no-answer-in-time": CauseKind.NO_WAY,
     "grasp-missed": CauseKind.GRASP_MISSED,
     "too-wide-for-gripper": CauseKind.TOO_WIDE,
     "slipped": CauseKind.GRIP_LOST,

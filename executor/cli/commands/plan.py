@@ -192,7 +192,7 @@ def _planned(
 
 def _print_feasibility(found: Feasibility) -> None:
     done = sum(subtask.record.succeeded for subtask in found.subtasks)
-    words, style = ("FEASIBLE", "green") if found else ("INFEASIBLE", "red")
+    words, style = ("FEASIBLE", "green") if found else ("INFEASIBLE" if found.decided else "NO ANSWER", "red")
     say(f"\n{words}  {done} of {pluralize(len(found.task.subtasks), 'subtask')}, by geometry", style=style)
     for subtask in found.subtasks:
         good = subtask.record.succeeded

@@ -260,7 +260,8 @@ def _ask_feasibility(record: RunRecord, options: Options) -> Feasibility:
     with counting("going through the plan by geometry", quiet=options.json):
         found = feasible(record.graph, record.graph.scene, options.seed)
     if not options.json:
-        tell(f"feasible, in {found.cpu_s:.1f} s of CPU time" if found else f"not feasible: {found.reason}")
+        refusal = f"not feasible: {found.reason}" if found.decided else f"not known to be feasible: {found.reason}"
+        tell(f"feasible, in {found.cpu_s:.1f} s of CPU time" if found else refusal)
         for detour in found.detours:
             tell(f"note: {detour.reason}", style="yellow")
     return found

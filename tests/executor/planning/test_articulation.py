@@ -17,6 +17,7 @@ from executor.assets.library import asset_for, sample
 from executor.assets.model import Joint
 from executor.geometry import inverse
 from executor.planning.articulation import (
+    PULLED_OUT,
     ArticulationTask,
     Share,
     carry_joint,
@@ -43,7 +44,7 @@ from executor.sim.world import World
 from llm.structured.prompting import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from oag.measurements import measurements_json
-from oag.model.robots import PAPER_ROBOT
+from oag.model.robots import LIFTED, PAPER_ROBOT, Robot
 from oag.model.scene import RobotPose
 from tests.executor.helpers import at
 
@@ -67,13 +68,23 @@ fractions = st.floats(0.0, 1.0)
 def test_a_first_stage_ends_between_here_and_what_was_asked(
     primitive: Primitive, given_interval: tuple[float, float] | None, now: float, wanted: tuple[float, ...]
 ) -> None:
-    assert smaller_fractions(Action(primitive, given_interval), SLIDE, now) == wanted
+    assert smaller_fractions(PAPER_ROBOT, Action(primitive, given_interval), SLIDE, now) == wanted
+
+
+@pytest.mark.parametrize(
+    ("robot", "joint", "widest"), [(LIFTED, SLIDE, PULLED_OUT), (LIFTED, UPRIGHT, 0.85), (PAPER_ROBOT, SLIDE, 0.85)]
+)
+def test_a_drawer_is_pulled_out_where_stored_results_need_not_repeat(robot: Robot, joint: Joint, widest: float) -> None:
+    assert end_fractions(robot, Action(OPEN), joint, 0.0)[0] == widest
+    assert end_fractions(robot, Action(OPEN, (0.0, 0.5)), joint, 0.0) == (0.5,), "what is asked for is done"
 
 
 @given(fractions, fractions)
 def test_the_interval_that_is_written_down_asks_for_what_was_done(start: float, end: float) -> None:
     opening = interval(min(start, end), max(start, end))
-    assert end_fractions(Action(OPEN, opening), SLIDE, start)[0] == pytest.approx(max(start, end), abs=0.011)
+    assert end_fractions(PAPER_ROBOT, Action(OPEN, opening), SLIDE, start)[0] == pytest.approx(
+        max(start, end), abs=0.011
+    )
     assert str(opening[0])[0] != "-"
 
 
@@ -270,6 +281,6 @@ def test_the_prompt_tells_an_interval_as_it_is_run() -> None:
     told = primitives_text()
     for limits, left in (((0.0, 0.5), 0.3), ((0.0, 0.9), 0.0)):
         action = Action(Primitive.ARTICULATE_CLOSE, limits)
-        assert end_fractions(action, SLIDE, 0.8) == pytest.approx((left,))
+        assert end_fractions(PAPER_ROBOT, action, SLIDE, 0.8) == pytest.approx((left,))
         assert str(list(limits)) in told
-    assert end_fractions(Action(OPEN, (0.2, 0.6)), SLIDE, 0.0) == (0.6,)
+    assert end_fractions(PAPER_ROBOT, Action(OPEN, (0.2, 0.6)), SLIDE, 0.0) == (0.6,)

@@ -8,8 +8,8 @@ import pytest
 from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
-from executor.planning.grasps import FINGERTIPS_M, ITEM_HEADINGS, item_goals
-from oag.model.robots import PAPER_ROBOT
+from executor.planning.grasps import FINGERTIPS_M, HOLDING_SHARE, ITEM_HEADINGS, deep_goals, item_goals
+from oag.model.robots import LIFTED, PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
 
 HAND = PAPER_ROBOT.hand
@@ -55,6 +55,22 @@ def test_a_thin_thing_is_taken_so_steeply_that_the_tips_hold_most_of_it() -> Non
     for goal in goals[:ITEM_HEADINGS]:
         tips_m = goal.T_world_eef[2, 3] + HAND.fingertip_m * goal.T_world_eef[2, 2]
         assert asset.extent_m[2] / 2 - tips_m >= asset.extent_m[2] / 2
+
+
+def test_what_lies_in_a_box_is_held_steeply_along_a_wall_with_the_palm_above_it() -> None:
+    apple = asset_for(sample("red_apple", 0))
+    T, along_rad, wall_m = transform(rotation_z(0.7), [0.5, 0.2, 0.4]), 0.4, 0.010
+    goals = deep_goals(apple, T, along_rad)
+    assert goals and all(-goal.T_world_eef[2, 2] > np.sin(np.deg2rad(59.0)) for goal in goals)
+    for goal in goals:
+        turns = (goal.heading_rad - along_rad) / (np.pi / 2)
+        assert turns == pytest.approx(round(turns)), "along a wall"
+        above_m = goal.T_world_eef[2, 3] - T[2, 3]
+        radius_m = apple.extent_m[2] / 2
+        assert np.sqrt(radius_m**2 - above_m**2) >= HOLDING_SHARE * radius_m - 1e-9, "its sides hold"
+    palm_m = max(goal.T_world_eef[2, 3] for goal in goals) + LIFTED.hand.palm_room_m
+    assert palm_m > T[2, 3] + apple.extent_m[2] / 2 + wall_m, "over a wall that is higher than the apple"
+    assert not deep_goals(asset_for(sample("bottle", 0)), T, along_rad), "what is tall is taken from the side"
 
 
 @pytest.mark.parametrize("model", ["carton", "book_upright", "die", "mug"])

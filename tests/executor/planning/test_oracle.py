@@ -162,4 +162,4 @@ def test_base_paths_go_around_and_refuse_blocked_goals(scene_world: tuple[World,
 def test_where_an_articulation_ends(
     primitive: Primitive, interval: tuple[float, float] | None, now: float, wanted: tuple[float, ...]
 ) -> None:
-    assert end_fractions(Action(primitive, interval), HINGE, now) == pytest.approx(wanted)
+    assert end_fractions(PAPER_ROBOT, Action(primitive, interval), HINGE, now) == pytest.approx(wanted)

@@ -157,6 +157,26 @@ def test_in_a_bowl_a_thing_leaves_room_for_what_comes_later(half_m: float, to_co
     assert not found(to_come_m, 0.0, middle)
 
 
+@pytest.mark.parametrize(("to_come_m", "heaps"), [(0.15, True), (0.0, True), (0.15, False)])
+def test_what_comes_first_goes_to_the_back_of_a_compartment(to_come_m: float, heaps: bool) -> None:
+    oven = Region("oven", "interior", "body", (0.0, 0.0, 0.12), (0.165, 0.164, 0.12), (-1.0, 0.0, 0.0))
+    rng = spot_rng(0, "bottle_0", "oven_0", "oven")
+    found = spots(oven, np.eye(4), 0.065, np.zeros(3), height_m=0.2, rng=rng, heaps=heaps, to_come_m=to_come_m)
+    leaving = []
+    for spot in found:
+        x, y, _ = spot.point_m
+        taken = {"bottle_0": Footprint.around(np.array([x, y, 0.1]), np.array([0.0325, 0.0325, 0.1]))}
+        left = spots(oven, np.eye(4), 0.15, np.zeros(3), height_m=0.06, others=taken)
+        leaving.append(any(one.point_m[0] < x for one in left))
+    assert any(leaving) and not all(leaving)
+    if to_come_m and heaps:
+        assert leaving[0] and sorted(leaving, reverse=True) == leaving, "first those that leave room before them"
+        return
+    rng = spot_rng(0, "bottle_0", "oven_0", "oven")
+    usual = spots(oven, np.eye(4), 0.065, np.zeros(3), height_m=0.2, rng=rng)
+    assert [tuple(spot.point_m) for spot in found] == [tuple(spot.point_m) for spot in usual]
+
+
 @pytest.mark.parametrize(("high_m", "heaps", "above"), [(0.05, True, True), (0.05, False, False), (0.10, True, False)])
 def test_where_no_room_is_beside_what_lies_in_a_bowl_there_is_room_above_it(
     high_m: float, heaps: bool, above: bool

@@ -16,10 +16,11 @@ from executor.assets.model import Asset
 from executor.geometry import heading_of, inverse, transform
 from executor.planning.cargo import Carried
 from executor.planning.collision import CollisionOracle
-from executor.planning.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
+from executor.planning.grasps import SIDEWAYS_RAD, is_held_at_rim, item_goals, rim_goals, room_below_m
 from executor.planning.picks import Pick, explain_rim_failure
 from executor.planning.placements import PlacementSpot, rim_placement_goals
 from executor.planning.planner import Planner
+from executor.planning.stances import HandGoal
 from executor.records import FailureKind, Rollout
 from executor.rollouts.rollout import rollout
 from executor.sim.world import World
@@ -43,6 +44,20 @@ def _wall_pieces(asset: Asset) -> list[tuple[Any, Any]]:
     assert asset.rim is not None
     ring = boxes[: asset.rim.sides]
     return [(np.array(s.position_m), Rotation.from_quat(s.orientation, scalar_first=True).as_matrix()) for s in ring]
+
+
+def test_a_hand_that_comes_sideways_along_a_rim_is_nearly_level_and_closes_on_the_same_wall() -> None:
+    asset = _asset("porcelain_bowl")
+    usual, sideways = rim_goals(asset, np.eye(4)), rim_goals(asset, np.eye(4), SIDEWAYS_RAD)
+    lowest_deg = min(np.rad2deg(np.arcsin(-goal.T_world_eef[2, 2])) for goal in usual)
+    flattest_deg = min(np.rad2deg(np.arcsin(-goal.T_world_eef[2, 2])) for goal in sideways)
+    assert flattest_deg < 30.0 < lowest_deg
+
+    def holds(goals: list[HandGoal]) -> set[tuple[float, ...]]:
+        places = (np.concatenate([goal.T_world_eef[:3, 3], goal.T_world_eef[:3, 1]]) for goal in goals)
+        return {tuple(np.round(place, 4).tolist()) for place in places}
+
+    assert holds(sideways) == holds(usual), "it is turned about the axis along which the fingers close"
 
 
 @pytest.mark.parametrize("model", HOLLOW)

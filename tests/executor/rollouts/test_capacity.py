@@ -62,14 +62,18 @@ def test_what_comes_in_from_above_in_any_way_up_is_not_refused(
     assert not (fits and item[2] / 2 <= size[2] and no_room(stands, PUT))
 
 
-@pytest.mark.parametrize(("height_m", "up", "stands_out"), [(0.19, 1.0, True), (0.095, 1.0, False), (0.19, 0.0, False)])
+@pytest.mark.parametrize(
+    ("width_m", "height_m", "up", "stands_out"),
+    [(0.14, 0.19, 1.0, True), (0.07, 0.19, 1.0, False), (0.07, 0.095, 1.0, False), (0.14, 0.19, 0.0, False)],
+    ids=["on the rim", "between the walls", "low", "lying"],
+)
 def test_what_keeps_its_middle_above_a_bowls_rim_as_upright_as_it_has_to_be_is_refused(
-    height_m: float, up: float, stands_out: bool
+    width_m: float, height_m: float, up: float, stands_out: bool
 ) -> None:
     bowl = Rim((0.0, 0.0, 0.025), 0.08, 0.004, 0.6, 0.06, 16)
-    found = no_room(world((0.07, 0.07, height_m), room((0.13, 0.13, 0.05), upward=True), bowl, up), PUT)
+    found = no_room(world((width_m, width_m, height_m), room((0.13, 0.13, 0.05), upward=True), bowl, up), PUT)
     assert (found is not None) is stands_out
-    assert found is None or ("stands out" in found.message and "92 mm" in found.message and "50 mm" in found.message)
+    assert found is None or ("stands out" in found.message and "95 mm" in found.message and "50 mm" in found.message)
 
 
 def test_a_bottle_is_too_wide_for_a_mug_and_a_die_is_not() -> None:

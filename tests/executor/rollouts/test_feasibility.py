@@ -13,8 +13,10 @@ import executor
 import llm
 import oag
 from executor.records import Event, FailureKind
+from executor.rollouts import feasibility
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import judge
+from executor.scenes.generators import any_task
 from executor.scenes.library import load
 from executor.scenes.placement import AtEdge, PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, stand
@@ -25,6 +27,7 @@ from executor.skills.dry_run import DryController, DryWorld, at_rest_within
 from executor.system.effort import Effort, SearchExhausted
 from oag import Scene, SceneObject
 from oag.model.robots import LIFTED
+from oag.sizes import Sizing
 
 pytestmark = pytest.mark.physics
 INSIDE = bddl.Atom("inside", ("die_0", "bowl_0"))
@@ -166,7 +169,7 @@ def test_how_a_thing_ends_in_a_bowl_is_found_without_changing_the_world(
     ("second", "size", "word", "fits"),
     [
         pytest.param("half_apple", (0.066, 0.066, 0.03), "half apple", True, marks=pytest.mark.slow),
-        ("bottle", (0.06, 0.06, 0.20), "bottle", False),
+        ("bottle", (0.06, 0.06, 0.20), "bottle", True),
     ],
 )
 def test_an_apple_and_another_thing_go_into_a_box_that_is_hardly_large_enough(
@@ -183,8 +186,23 @@ def test_an_apple_and_another_thing_go_into_a_box_that_is_hardly_large_enough(
     scene = room.scene().with_robot(LIFTED.name)
     found = executor.feasible(planned(scene, f"put the apple and the {word} into the box"), scene, vary=False)
     assert found.feasible is fits, found.reason
-    if not fits:
-        assert "stands out of box_0" in found.reason and found.effort_s < 1.0, "without a search"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "because"),
+    [
+        (78017, "a carton that was taken steeply is taken again level, for a low compartment"),
+        (78056, "a bowl that is partly below the top of its drawer comes out before it is raised"),
+        (78059, "what comes first goes to the back, and a bowl is taken sideways along its rim"),
+        (78099, "in an exchange the place is free after what stands there has gone"),
+    ],
+)
+def test_wishes_that_a_person_calls_possible_are_feasible(seed: int, because: str) -> None:
+    wish = any_task.draw(seed)
+    task = llm.propose(wish.query, wish.scene, sizing=Sizing(keep=True)).task
+    found = executor.feasible(oag.compose(task, scene=wish.scene), wish.scene, seed, vary=False)
+    assert found, f"{because}: {found.reason}"
 
 
 def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
@@ -200,8 +218,22 @@ def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
 def test_a_search_without_an_end_ends_with_what_met_most_often(kitchen: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "MOST_EFFORT_S", 0.05)
     found = executor.feasible(planned(kitchen), kitchen, 0)
-    assert not found and found.failure is not None and found.failure.kind is FailureKind.NO_PATH
-    assert "configurations" in found.reason
+    assert not found and found.failure is not None and found.failure.kind is FailureKind.NO_ANSWER
+    assert "no answer in the time" in found.reason and "configurations" in found.reason
+    assert not found.decided and found.to_json()["feasible"] is None
+    assert not found.known, "what was not found in the time is no fact"
+
+
+def test_a_forecast_ends_in_its_time_and_says_neither_yes_nor_no(
+    kitchen: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lifted = kitchen.with_robot(LIFTED.name)
+    monkeypatch.setattr(feasibility, "MOST_FORECAST_S", 0.3)
+    found = executor.feasible(planned(lifted), lifted, 0, vary=False)
+    assert not found and not found.decided and found.effort_s < 0.5
+    blocked = with_things(lifted, chair_0=chair(0.25, 0.0))
+    refused = executor.feasible(planned(blocked), blocked, 0, vary=False)
+    assert refused.decided and refused.to_json()["feasible"] is False, "a reason that was found in the time counts"
 
 
 def test_effort_counts_within_its_limit_alone() -> None:

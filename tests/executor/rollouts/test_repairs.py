@@ -23,8 +23,9 @@ from executor.rollouts.repairs import (
     repairs,
 )
 from executor.scenes.library import load
+from executor.skills.navigate import NOMINAL
 from oag import Scene, SceneObject
-from oag.measurements import JointMotion, Measurement, SupportDrive, Unplanned
+from oag.measurements import JointMotion, Measurement, SupportDrive, TargetDrive, Unplanned
 
 WIDTH_M = 0.045
 """Of things that the hand takes as they are."""
@@ -116,6 +117,51 @@ def test_what_the_plan_handles_later_is_handled_first() -> None:
     targets = [one.target for one in repair.task.subtasks]
     assert targets.index("can_0") == 1 and targets[repair.last] == "glass_0"
     assert sorted(one.name for one in repair.task.subtasks) == sorted(one.name for one in failed.task.subtasks)
+
+
+def no_place(scene: Scene, query: str, index: int, *, suits: bool | None) -> Failed:
+    """A thing in the hand that found no place, from a grasp that suits its place or not."""
+    task = llm.propose(query, scene).task
+    put = task.subtasks[index]
+    drive = SupportDrive(str(put.support_goal), stance=NOMINAL)
+    failure = Failure(FailureKind.NO_PATH, "no place", (Unplanned(target=put.target, support=put.support_goal),))
+    taken = step("NAVIGATE_TO_TARGET", TargetDrive(0.0, 0.0, 0.0, 40.0, 2, suits_place=suits))
+    before = tuple(record(task, k, taken) for k in range(index))
+    return Failed(
+        task, index, record(task, index, step("NAVIGATE_TO_SUPPORT", drive, failure=failure)), scene, put.target, before
+    )
+
+
+def test_what_is_taken_later_from_where_there_is_no_place_goes_first() -> None:
+    scene = with_cans((0.06, 0.0))
+    on_top = bddl.Atom("ontop", ("can_0", "refrigerator_0"))
+    facts = (*(fact for fact in scene.facts if "can_0" not in str(fact)), on_top)
+    scene = replace(scene, facts=facts)
+    failed = no_place(scene, "put the glass on the refrigerator and the can on the table", 1, suits=None)
+    first = next(repairs(failed))
+    targets = [one.target for one in first.task.subtasks]
+    assert targets[:2] == ["can_0", "can_0"] and first.last == 3 and "can_0" in first.detour.reason
+    other = no_place(scene, "put the glass on the refrigerator", 1, suits=None)
+    assert not proved(other, another_order), "nothing is taken from there"
+
+
+@pytest.mark.parametrize(("suits", "again"), [(False, True), (None, False)])
+def test_a_hand_that_does_not_suit_the_place_takes_the_thing_again_first(suits: bool | None, again: bool) -> None:
+    failed = no_place(two_doors(), "put the glass into the cabinet", 2, suits=suits)
+    motion = JointMotion("left_door_hinge", "rigid arc", 0.0, 0.8, 0.8, 1.5)
+    opened = record(failed.task, 0, step("ARTICULATE_OPEN", motion))
+    first = next(repairs(replace(failed, before=(opened, *failed.before[1:]))))
+    assert ("taken again" in first.detour.reason) is again
+    assert again or first.avoided, "else another door is tried first"
+
+
+def two_doors() -> Scene:
+    kitchen = load("kitchen_t1")
+    size = (0.6, 1.0, 0.85)
+    place, upright, one = (1.5, -1.5, size[2] / 2), (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    cabinet = SceneObject("cabinet_0", "bottom_cabinet", "cabinet_two_doors", place, upright, size, one, {"shelves": 1})
+    facts = (*kitchen.facts, bddl.Not(bddl.Atom("open", ("cabinet_0",))))
+    return replace(kitchen, objects={**kitchen.objects, "cabinet_0": cabinet}, facts=facts)
 
 
 @pytest.mark.parametrize("body", ["refrigerator_0/door", "wall_9/wall", "glass_0/glass"])

@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bddl import Atom
+from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, hand_rotation, rotation_z
+from executor.scenes.library import load
 from executor.sim.detectors import UnknownObject, read
 from executor.sim.engine import ROBOT
 from executor.sim.world import World
-from oag import Scene
+from oag import Scene, SceneObject
 from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, settle
 
@@ -156,6 +159,37 @@ def test_an_apple_dropped_into_a_bowl_is_inside_it(make_world: MakeWorld) -> Non
     assert value(world, "inside", "apple_0", "bowl_0") is True
     assert value(world, "ontop", "apple_0", "cabinet_0") is False
     assert value(world, "ontop", "bowl_0", "table_0") is True
+
+
+@pytest.mark.parametrize(
+    ("off_m", "up_m", "tilted_deg", "inside"),
+    [
+        (0.0, 0.0, 0.0, True),
+        (0.0, 0.10, 0.0, False),
+        (0.077, 0.075, 0.0, False),
+        (0.0, 0.0, 90.0, False),
+    ],
+    ids=["stands in it", "is over it", "stands on its wall", "lies across it"],
+)
+def test_what_stands_in_a_box_is_in_it_however_far_it_stands_out(
+    off_m: float, up_m: float, tilted_deg: float, inside: bool, make_world: MakeWorld
+) -> None:
+    kitchen = load("kitchen_t1")
+    upright, one, top_m = (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.60
+    box = SceneObject("box_0", "box", "open_box", (0.0, -1.3, top_m + 0.04), upright, (0.16, 0.15, 0.08), one, {})
+    size = (0.06, 0.06, 0.24)
+    bottle = SceneObject("bottle_0", "bottle", "bottle", (0.5, -1.3, top_m + 0.12), upright, size, one, {})
+    scene = replace(kitchen, objects={**kitchen.objects, "box_0": box, "bottle_0": bottle})
+    with World(scene) as world:
+        floor_m = world.assets["box_0"].regions[0].floor_m[2] + top_m + 0.04
+        turn = Rotation.from_euler("y", tilted_deg, degrees=True).as_matrix()
+        low_m = bounds(world.assets["bottle_0"], turn)[0][2]
+        height_m = floor_m - low_m + 0.0005 if not tilted_deg else top_m + 0.08 - low_m
+        world.set_object_pose("bottle_0", at(off_m, -1.3, height_m + up_m, turn))
+        world.step()
+        reading = read(Atom("inside", ("bottle_0", "box_0")), world)
+        assert reading.value is inside, reading
+        assert ((reading.measurements.centre_depth_m or 0.0) >= 0.0) is inside
 
 
 def test_an_apple_in_the_air_above_a_bowl_is_not_inside_it(make_world: MakeWorld) -> None:
