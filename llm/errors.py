@@ -21,7 +21,6 @@ RefusalCode = Literal[
     "unknown-place",
     "hand-full",
     "affordance",
-    "ambiguous-relation",
     "ambiguous-object",
     "already-so",
     "ambiguous-reading",

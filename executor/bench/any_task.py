@@ -37,7 +37,7 @@ STAGES = ("read", "proof", "geometry", "physics")
 """Where a wish ends: not understood or refused by the reader, not proved, not feasible, or executed."""
 # Label's reason -> codes of refusals and kinds of failures that state it.
 _STATED: Mapping[str, frozenset[str]] = {
-    "ambiguous": frozenset(("ambiguous-object", "ambiguous-reading", "ambiguous-relation", "several-objects")),
+    "ambiguous": frozenset(("ambiguous-object", "ambiguous-reading", "several-objects")),
     "not-there": frozenset(("unknown-object", "wrong-place")),
     "no-such-part": frozenset(("unknown-object", "affordance", "no-such-part")),
     "too-wide": frozenset(("too-large", "too-wide-for-gripper")),

@@ -20,6 +20,11 @@ LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 """Libraries that affect episodes."""
 
 
+def scene_version(keeps_order: bool) -> str:
+    """Return `outcome_version` for answers of one scene, by whether its robot keeps the order of searches."""
+    return outcome_version() if keeps_order else outcome_version(f"unordered {UNORDERED_VERSION}")
+
+
 @cache
 def outcome_version(*more: object) -> str:
     """Return 16 hexadecimal digits that change when a stored result may not be repeated exactly.

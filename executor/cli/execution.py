@@ -229,7 +229,8 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
     if rollout is None:
         yield f"{words:11} nothing was moved", style
         if record.feasibility is not None and not record.feasibility:
-            yield from ((line, "red") for line in _rows("infeasible", record.feasibility.reason)[:4])
+            word = "infeasible" if record.feasibility.decided else "no answer"
+            yield from ((line, "red") for line in _rows(word, record.feasibility.reason)[:4])
     else:
         reached = sum(subtask.succeeded for subtask in rollout.subtasks)
         total = len(rollout.task.subtasks)

@@ -106,14 +106,19 @@ def item_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[Han
     """Return hand poses around an item: level ones for tall items, steep ones for low items.
 
     They come from all headings, or for an item with grasp axes, from headings across these. Steep hands take a tall
-    item near its top, because its upper edge would meet the palm further down.
+    item near its top, because its upper edge would meet the palm further down. Where the palm keeps all of these off,
+    as from the middle of something low and long, hands come nearly straight down.
 
     Args:
         hand: Lengths of the hand.
         asset: The item; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it stands.
     """
-    pitches_deg = _pitches_deg(asset)
+    goals = _goals_at(hand, asset, T_world_object, _pitches_deg(asset))
+    return goals or _goals_at(hand, asset, T_world_object, FLAT_PITCHES_DEG)
+
+
+def _goals_at(hand: HandShape, asset: Asset, T_world_object: Array, pitches_deg: tuple[float, ...]) -> list[HandGoal]:
     pitch_cost = THIN_PITCH_COST if asset.extent_m[2] < THIN_M else PITCH_COST
     goals = []
     for yaw in item_headings(asset, T_world_object[:3, :3]):
@@ -152,15 +157,16 @@ def _hold_at(hand: HandShape, asset: Asset, T_world_object: Array, R_world_hand:
         # The tips of a hand that takes something flat stay off what it lies on.
         drop_m = hand.fingertip_m * -float(approach[2]) + hand.finger_half_m * float(np.hypot(approach[0], approach[1]))
         off_m = THIN_OFF_THE_SUPPORT_M if asset.extent_m[2] < THIN_M else OFF_THE_SUPPORT_M
-        lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + off_m + drop_m
-        down_m = float(held[2]) - lowest_m
+        low_m, high_m = (float(T_world_object[2, 3] + bound[2]) for bound in bounds(asset, R))
+        down_m = float(held[2]) - (low_m + off_m + drop_m)
         # What is flat is held as low as that, where the palm stays off it: its side may be round further up.
-        if (
-            asset.extent_m[2] < FLAT_M
-            and _depth_m(asset, T_world_object, held, R_world_hand) + down_m <= hand.palm_room_m
-        ):
-            return np.asarray(held - np.array([0.0, 0.0, down_m]))
-        return np.asarray(held - np.array([0.0, 0.0, min(0.0, down_m)]))
+        reaches = _depth_m(asset, T_world_object, held, R_world_hand) + down_m <= hand.palm_room_m
+        held = np.asarray(
+            held - np.array([0.0, 0.0, down_m if asset.extent_m[2] < FLAT_M and reaches else min(0.0, down_m)])
+        )
+        # Before the end of something long the palm keeps a flat hand so far back that its fingers close above it.
+        deep_m = high_m - (float(held[2]) - drop_m)
+        return held if deep_m >= min(GRIP_DEPTH_M, asset.extent_m[2] / 2) else None
     pitch = float(np.arcsin(-approach[2]))
     point = point + np.array([0.0, 0.0, RAISED * asset.extent_m[2]])
     side_m = _depth_m(asset, T_world_object, point, hand_rotation(heading_of(approach), 0.0)) * float(np.cos(pitch))

@@ -78,15 +78,19 @@ class Solid:
         return math.hypot(self.body.x_m - other.body.x_m, self.body.y_m - other.body.y_m) < reach + _REACH_M
 
     def hollow_floor_m(self, other: Solid) -> float | None:
-        """Return the floor height of the hollow that contains another object's centre, None without one.
+        """Return the floor height of the hollow that contains another object's centre or foot, None without one.
 
-        What is wider than the hollow is not in it: a saucer is in no cup that stands on it.
+        What is wider than the hollow is not in it: a saucer is in no cup that stands on it. What stands in the hollow
+        is in it, however far it stands out, as for the detector of `inside`.
         """
+        stands = is_upright(other.obj)
         for T, half, height_m in self.hollows:
-            if is_upright(other.obj) and min(other.obj.extent_m[:2]) > 2 * max(half):
+            if stands and min(other.obj.extent_m[:2]) > 2 * max(half):
                 continue
             x, y, z = (float(value) for value in T[:3, :3].T @ (np.asarray(other.obj.position) - T[:3, 3]))
-            if abs(x) <= half[0] and abs(y) <= half[1] and -NEAR_M <= z <= height_m + NEAR_M:
+            foot_m = other.body.low_m - float(T[2, 3])
+            is_in = -NEAR_M <= z <= height_m + NEAR_M or (stands and -NEAR_M <= foot_m <= height_m / 2)
+            if abs(x) <= half[0] and abs(y) <= half[1] and is_in:
                 return float(T[2, 3])
         return None
 

@@ -116,6 +116,12 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
     return tuple(sorted(owners - {object_id}))
 
 
+def _links_touching(world: World, object_id: str, other: str) -> frozenset[str]:
+    """Return the links of another object that touch an object."""
+    touching = (c for c in world.contacts({object_id}) if c.separation_m <= TOUCH_M)
+    return frozenset(body.link for contact in touching for body in (contact.a, contact.b) if body.owner == other)
+
+
 def _open(world: World, object_id: str) -> AtomReading:
     asset = world.assets.get(object_id)
     if asset is None or not asset.doors:
@@ -164,10 +170,11 @@ def _inside(world: World, object_id: str, container: str) -> AtomReading:
         return AtomReading(False, AtomMeasured(reason=f"{container} has no interior"))
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
-    if container in supporters:
-        fits = [
-            max(fit, _stands_in(world, object_id, container, region)) for fit, region in zip(fits, regions, strict=True)
-        ]
+    links = _links_touching(world, object_id, container)
+    fits = [
+        max(fit, _stands_in(world, object_id, container, region)) if region.link in links else fit
+        for fit, region in zip(fits, regions, strict=True)
+    ]
     best = max(range(len(regions)), key=lambda index: fits[index][0])
     depth, excess = fits[best]
     contained = excess <= _EDGE_M
@@ -326,7 +333,8 @@ def _stands_in(world: World, object_id: str, container: str, region: Region) -> 
     """Return the same as `_fit` of a thing that stands or leans in what is open at the top, and out of it.
 
     A bottle in a bowl is in it as much as a low thing is, though its middle is above the rim. What counts is its foot:
-    between the walls, and in the lower half of the hollow. The depth is that of the foot, below the half.
+    between the walls, in the lower half of the hollow, and not below its floor, where a thing stands that the hollow
+    was put over. The depth is that of the foot, below the half.
     """
     T = inverse(world.T_world_link(container, region.link)) @ world.T_world_link(object_id)
     extent, room = np.asarray(world.assets[object_id].extent_m), np.asarray(region.half_extents_m)
@@ -334,8 +342,9 @@ def _stands_in(world: World, object_id: str, container: str, region: Region) -> 
         return -np.inf, np.inf
     upwards = float(T[2, 2])
     foot = T[:3, 3] - T[:3, 2] * extent[2] / 2 - np.asarray(region.center_m)
-    beside_m = float((np.abs(foot[:2]) + extent[:2].min() / 2 - room[:2]).max())
-    if upwards < _LEANING or beside_m > _EDGE_M:
+    outside_m = float((np.abs(foot[:2]) + extent[:2].min() / 2 - room[:2]).max())
+    is_below = foot[2] < -room[2] - _EDGE_M
+    if upwards < _LEANING or outside_m > _EDGE_M or is_below:
         return -np.inf, np.inf
     return min(-float(foot[2]), *(room - np.abs(foot))[:2].tolist()), float(T[2, 3] + extent[2] / 2 - room[2])
 

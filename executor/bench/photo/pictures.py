@@ -430,12 +430,12 @@ def _chain(
         return
     record |= {"planned": True, "stage": "feasibility"}
     found = feasible(graph, scene, 0)
-    record |= {"feasible": found.feasible}
+    record |= {"feasible": found.feasible if found.decided else None}
     if found.failure is not None:
         record |= {"stage": f"feasibility: {found.failure.kind.value}", "why": found.reason}
         return
     record["stage"] = "execution"
-    done = rollout(graph, scene, 0)
+    done = rollout(compose(found.task, scene=scene), scene, 0, conditions=found.conditions())
     failure = failure_of(done)
     record["succeeded"] = done.succeeded
     if failure is not None:

@@ -312,7 +312,7 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
 
 def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
     """Yield a source for every feasible wish of a scene; the answers are kept next to the folder for the next run."""
-    from executor.campaign.versions import outcome_version
+    from executor.campaign.versions import scene_version
     from executor.cli.inputs import robot_asked_for
     from executor.rollouts.admitted import Answers, in_turn
     from executor.scenes.file import scene_for
@@ -323,7 +323,8 @@ def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
     check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene with it")
     scene = scene_for("", name, robot=robot_asked_for(options.robot, full_size=options.full_size))
     require_valid(scene)
-    answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed, outcome_version())
+    version = scene_version(scene.robot.model.keeps_order)
+    answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed, version)
     counts: Counter[str] = Counter()
     for answer in answers.of(in_turn(tasks(scene, sizing=Sizing(None, options.keep_sizes))), _FEASIBLE_S):
         word = "feasible" if answer.feasible else answer.reason

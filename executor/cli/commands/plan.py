@@ -1,6 +1,6 @@
 """`scene2demo plan`: plan a sentence or a goal, prove the plan, and go through it by geometry; nothing moves.
 
-Exit code 0 when the plan is proved and feasible, else 1.
+Exit code 0 when the plan is proved and feasible, else 1, also where the search had no answer in its time.
 """
 
 from __future__ import annotations

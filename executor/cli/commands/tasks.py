@@ -61,7 +61,7 @@ def execute(options: Options) -> int:
     check(options.out is None or options.feasible, "--out", options.out, "--feasible as well")
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
-        from executor.campaign.versions import outcome_version
+        from executor.campaign.versions import scene_version
         from executor.cli.execution import check_seed, check_unit_limit
         from executor.cli.inputs import robot_asked_for
         from executor.scenes.file import scene_for
@@ -86,7 +86,7 @@ def execute(options: Options) -> int:
     if options.feasible:
         from executor.rollouts.admitted import Answers
 
-        answers = Answers(options.out, scene, options.seed, outcome_version())
+        answers = Answers(options.out, scene, options.seed, scene_version(scene.robot.model.keeps_order))
         for answer in answers.of(islice(found, options.most), options.limit_s):
             listing.add(answer.found, answer.feasible, answer.reason, asked=True)
     else:

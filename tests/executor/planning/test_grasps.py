@@ -9,10 +9,11 @@ from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
 from executor.planning.grasps import FINGERTIPS_M, HOLDING_SHARE, ITEM_HEADINGS, deep_goals, item_goals
+from oag import SceneObject
 from oag.model.robots import LIFTED, PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
 
-HAND = PAPER_ROBOT.hand
+HAND, FULL = PAPER_ROBOT.hand, LIFTED
 
 
 @pytest.mark.parametrize(("scene", "item"), [("kitchen_t1", "glass_0"), ("kitchen_t3", "apple_0")])
@@ -55,6 +56,21 @@ def test_a_thin_thing_is_taken_so_steeply_that_the_tips_hold_most_of_it() -> Non
     for goal in goals[:ITEM_HEADINGS]:
         tips_m = goal.T_world_eef[2, 3] + HAND.fingertip_m * goal.T_world_eef[2, 2]
         assert asset.extent_m[2] / 2 - tips_m >= asset.extent_m[2] / 2
+
+
+@pytest.mark.parametrize("size", [(0.22, 0.05, 0.022), (0.30, 0.04, 0.035), (0.14, 0.03, 0.012)])
+def test_a_hand_before_the_end_of_a_long_low_thing_closes_around_it_and_not_above_it(
+    size: tuple[float, float, float],
+) -> None:
+    where, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    asset = asset_for(SceneObject("box_0", "box", "generic_box", where, upright, size, (1.0, 1.0, 1.0), {}))
+    goals = item_goals(FULL.hand, asset, np.eye(4))
+    assert goals
+    for goal in goals:
+        approach = goal.T_world_eef[:3, 2]
+        across_m = FULL.hand.finger_half_m * float(np.hypot(*approach[:2]))
+        tips_m = goal.T_world_eef[2, 3] + FULL.hand.fingertip_m * float(approach[2]) - across_m
+        assert size[2] / 2 - tips_m >= min(0.010, size[2] / 2) - 1e-9
 
 
 def test_what_lies_in_a_box_is_held_steeply_along_a_wall_with_the_palm_above_it() -> None:

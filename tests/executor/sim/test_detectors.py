@@ -192,6 +192,36 @@ def test_what_stands_in_a_box_is_in_it_however_far_it_stands_out(
         assert ((reading.measurements.centre_depth_m or 0.0) >= 0.0) is inside
 
 
+def test_a_thing_that_a_box_stands_on_is_not_in_it(make_world: MakeWorld) -> None:
+    kitchen = load("kitchen_t1")
+    upright, one, top_m = (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.60
+    can = SceneObject("can_0", "can", "can", (0.0, -1.3, top_m + 0.05), upright, (0.06, 0.06, 0.10), one, {})
+    box = SceneObject("box_0", "box", "open_box", (0.0, -1.3, top_m + 0.141), upright, (0.16, 0.15, 0.08), one, {})
+    with World(replace(kitchen, objects={**kitchen.objects, "box_0": box, "can_0": can})) as world:
+        for _ in range(40):
+            world.step()
+        assert value(world, "ontop", "box_0", "can_0") is True
+        assert value(world, "inside", "can_0", "box_0") is False
+        assert value(world, "under", "can_0", "box_0") is True
+
+
+@pytest.mark.parametrize("drawer", [1, 2, 3, 4])
+def test_what_stands_in_a_drawer_is_in_that_drawer(drawer: int, make_world: MakeWorld) -> None:
+    """The drawers above it are open at the top as well, and its foot is between their walls."""
+    kitchen = load("kitchen_t1")
+    upright, one, size = (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.6, 0.6, 0.9)
+    place, drawers = (0.0, -1.3, 0.45), {"drawers": 4}
+    chest = SceneObject("cabinet_0", "bottom_cabinet", "cabinet_drawers", place, upright, size, one, drawers)
+    can = SceneObject("can_0", "can", "can", (1.5, -1.3, 0.05), upright, (0.06, 0.06, 0.10), one, {})
+    with World(replace(kitchen, objects={"cabinet_0": chest, "can_0": can}, facts=frozenset())) as world:
+        region = next(one for one in world.assets["cabinet_0"].regions if one.name == f"drawer_{drawer}")
+        floor = world.T_world_link("cabinet_0", region.link) @ np.array([*region.floor_m, 1.0])
+        world.set_object_pose("can_0", at(float(floor[0]), float(floor[1]), float(floor[2]) + 0.0505, np.eye(3)))
+        world.step()
+        reading = read(Atom("inside", ("can_0", "cabinet_0")), world)
+        assert reading.value is True and reading.measurements.region == f"drawer_{drawer}"
+
+
 def test_an_apple_in_the_air_above_a_bowl_is_not_inside_it(make_world: MakeWorld) -> None:
     """LIBERO's reading, two boxes that overlap in the plane, holds here."""
     world = make_world("kitchen_t3")
