@@ -78,7 +78,8 @@ def test_a_control_that_a_model_cannot_have_is_refused(category: str, parameters
 
 def test_no_control_and_off_are_said_of_everything() -> None:
     nothing = {"control": "none", "switched": "off"}
-    assert completed(table_0={"category": "table", "position": [1.0, 0.0], "parameters": nothing})
+    scene = completed(table_0={"category": "table", "position": [1.0, 0.0], "parameters": nothing})
+    assert scene.domain.built_in
 
 
 @pytest.mark.parametrize("control", ["none", *CONTROLS])
