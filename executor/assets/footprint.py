@@ -214,7 +214,7 @@ def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint
     asset = asset_for(obj)
     links = {link.name: link for link in asset.links}
     parts = []
-    for joint in asset.joints:
+    for joint in asset.doors:
         if joint.kind == "revolute" and abs(joint.axis[2]) > _UPRIGHT:
             low, high = joint.limits
             for position in np.linspace(low, min(high, low + most_rad), steps):

@@ -19,6 +19,7 @@ from executor.assets import families
 from executor.assets.asset_geometry import scaled
 from executor.assets.families import appliances, furniture, items
 from executor.assets.families.casework import HANDLE_PARAMETERS, HINGE
+from executor.assets.families.controls import SWITCHING
 from executor.assets.families.generic import GENERIC
 from executor.assets.importers.store import PREFIX, imported_asset
 from executor.assets.model import Asset
@@ -95,9 +96,9 @@ _ENTRIES = (
     _entry("desk_with_drawers", "desk_with_drawers", "desk.n.01", furniture.desk_with_drawers,
            (0.60, 0.75), (1.00, 1.40), (0.68, 0.76), *_DESK),
     _entry("microwave_side_hinge", "microwave", "microwave.n.02", appliances.microwave,
-           (0.42, 0.50), (0.46, 0.56), (0.27, 0.33), *_HANDLE),
+           (0.42, 0.50), (0.46, 0.56), (0.27, 0.33), *SWITCHING, *_HANDLE),
     _entry("oven_bottom_hinge", "oven", "oven.n.01", appliances.oven,
-           (0.60, 0.70), (0.54, 0.62), (0.80, 0.90), *_RACKS),
+           (0.60, 0.70), (0.54, 0.62), (0.80, 0.90), *SWITCHING, *_RACKS),
     _entry("dishwasher_bottom_hinge", "dishwasher", "dishwasher.n.01", appliances.dishwasher,
            (0.60, 0.70), (0.45, 0.62), (0.80, 0.90), *_RACKS),
     _entry("table_four_legs", "table", "table.n.02", furniture.table, (0.60, 1.20), (0.50, 0.80), (0.55, 0.75), *_TOP),

@@ -119,10 +119,15 @@ class NumericParameter:
 
 @dataclass(frozen=True, slots=True)
 class ChoiceParameter:
-    """A parameter with a fixed set of words; the first one is the default."""
+    """A parameter with a fixed set of words; the first one is the default.
+
+    Attributes:
+        drawn: Whether a drawn variation of a model has one of the words, or always the first.
+    """
 
     name: str
     words: tuple[str, ...]
+    drawn: bool = True
 
     def read(self, obj: SceneObject) -> str:
         """Return the object's value."""
@@ -179,5 +184,9 @@ class ModelEntry:
             orientation=(1.0, 0.0, 0.0, 0.0),
             bbox_extent=extent,
             scale=(1.0, 1.0, 1.0),
-            parameters={parameter.name: parameter.draw(rng) for parameter in self.parameters},
+            parameters={
+                parameter.name: parameter.draw(rng)
+                for parameter in self.parameters
+                if not isinstance(parameter, ChoiceParameter) or parameter.drawn
+            },
         )

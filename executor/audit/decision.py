@@ -98,7 +98,8 @@ def _is_there(atom: Atom, scene: Scene, before: Snapshot, after: Snapshot) -> bo
     if name == "open" and len(arguments) == 1:
         return after.open_fraction.get(arguments[0], 0.0) > OPEN_FRACTION
     if name == "toggled_on" and len(arguments) == 1:
-        return after.switched_on.get(arguments[0], False)
+        # What can be switched by nothing is off; of what is no object nothing is known.
+        return after.switched_on.get(arguments[0], False) if atom.args[0] in scene.objects else None
     if len(arguments) != 2:
         return None
     item, other = arguments

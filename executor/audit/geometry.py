@@ -47,6 +47,9 @@ class Touch:
 SWITCHES = ("button", "knob")
 """Names of links that switch an appliance, and close nothing."""
 
+SWITCHED_FRACTION = 0.5
+"""An appliance is on from this share of its button's or knob's range on."""
+
 
 class Snapshot:
     """Where everything is in one state of a world.
@@ -60,7 +63,7 @@ class Snapshot:
         poses: Owner -> (4, 4) pose of its root.
         middles: Free body -> its middle of mass.
         open_fraction: Furniture -> its widest door's or drawer's share of the range.
-        switched_on: Appliance -> whether its button or knob is beyond the middle of its range.
+        switched_on: Appliance -> whether its button or knob is at the middle of its range, or beyond.
         speeds: Free body -> its linear [m/s] and angular speed [rad/s].
         joint_speeds: Furniture -> its fastest joint [rad/s or m/s].
         touches: Pair of owners -> their contact; the robot is one owner here.
@@ -98,7 +101,8 @@ class Snapshot:
                 switches = np.array([joint.child_link.name in SWITCHES for joint in articulation.active_joints])
                 self.open_fraction[articulation.name] = float(fractions[~switches].max(initial=0.0))
                 if switches.any():
-                    self.switched_on[articulation.name] = bool(fractions[switches].max() > 0.5)
+                    # A thing has one switch.
+                    self.switched_on[articulation.name] = bool(fractions[switches][0] >= SWITCHED_FRACTION)
         self.robot_links = frozenset(link.name for link in world.robot.links)
         self.touches = _touches(system)
 

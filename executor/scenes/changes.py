@@ -55,8 +55,8 @@ def with_door(scene: Scene, name: str, *, is_open: bool) -> Scene:
 
 def has_one_way(scene: Scene, name: str) -> bool:
     """Decide whether all that opens of an object can stand open at once: one drawer, or doors side by side."""
-    joints = asset_for(scene[name]).joints
-    return len(joints) == 1 or (bool(joints) and all(joint.kind == "revolute" for joint in joints))
+    doors = asset_for(scene[name]).doors
+    return len(doors) == 1 or (bool(doors) and all(door.kind == "revolute" for door in doors))
 
 
 def elsewhere(scene: Scene, item: str, support: str, relation: str, number: int = 0) -> Scene:

@@ -18,8 +18,10 @@ from typing import Any
 import numpy as np
 
 import bddl
+from executor.assets.families.controls import SWITCHING
 from executor.assets.footprint import Footprint, region_frame, yaw_of
-from executor.assets.library import asset_for
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
@@ -233,7 +235,7 @@ class _SceneCompletion:
         one = object_of(self._document, key, form.model_copy(update={"on": None, "in_": None, "at": None}))
         if (message := implausible_object_size(one)) is not None:
             raise self._document.fail(place, message, "lengths are metres")
-        asset_for(one)  # Refuses what its model cannot be.
+        _check_control(one, asset_for(one))  # Both refuse what its model cannot be.
         for relation, other in (("ontop", form.on), ("inside", form.in_)):
             if other is not None and len(form.position or ()) == 3:
                 self._stated.append(bddl.Atom(relation, (key, other)))
@@ -393,6 +395,16 @@ class _SceneCompletion:
             around, fallen = upright_solids({**objects, FLOOR: floor}), fallen_solids(objects).values()
             named = any(atom.args[1] == FLOOR for atom in derive_support_relations(around, fallen))
         return {**objects, FLOOR: floor} if listed or named else objects
+
+
+def _check_control(one: SceneObject, asset: Asset) -> None:
+    """Refuse a button or a knob, and what is on by one, of a thing that has none."""
+    asked = {parameter.name: word for parameter in SWITCHING if (word := parameter.read(one)) != parameter.words[0]}
+    if asked and not asset.controls:
+        models = ", ".join(model for model, entry in LIBRARY.items() if set(SWITCHING) <= set(entry.parameters))
+        name, word = next(iter(asked.items()))
+        problem = f"parameter {name!r} is {word!r}, and it has neither a button nor a knob"
+        raise AssetError(one, problem, f"with the parameter 'control' these models have one: {models}")
 
 
 def _words(fact: object) -> list[str]:

@@ -25,7 +25,7 @@ class Latch:
         self._articulation, self._index, self._control = articulation, index, control
         self._joint = articulation.active_joints[index]
         self._came_back_m = (control.set_to + control.click) / 2
-        self._armed = True
+        self._armed = self._is_before_click()
 
     @property
     def is_in(self) -> bool:
@@ -43,12 +43,19 @@ class Latch:
 
     def put(self, position: float) -> None:
         """Set the latch to what a button has at a position [m], at rest."""
-        self._armed = True
+        self.forget()
         self._joint.set_drive_target(self._control.set_to if self._control.is_on(position) else 0.0)
 
     def forget(self) -> None:
-        """Take the latch of a state that was unpacked, which is at rest."""
-        self._armed = True
+        """Forget how the button came to where it is now.
+
+        A packed state has its position and its latch, and not whether this press has changed the latch. Beyond the
+        click it has: the latch changes in the step that passes it.
+        """
+        self._armed = self._is_before_click()
+
+    def _is_before_click(self) -> bool:
+        return float(self._articulation.get_qpos()[self._index]) < self._control.click
 
 
 def latches_of(articulations: Iterable[tuple[str, Any]], assets: Mapping[str, Asset]) -> dict[tuple[str, str], Latch]:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import groupby
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import bddl
@@ -257,6 +258,14 @@ def no_action(near: Sequence[str] = ()) -> Refusal:
 # What switches an appliance.
 ControlPart = Literal["button", "knob"]
 CONTROL_PARTS: tuple[ControlPart, ...] = get_args(ControlPart)
+CONTROLS: Mapping[str, ControlPart | Literal[""]] = MappingProxyType(
+    {
+        **dict.fromkeys(("button", "buttons"), "button"),
+        **dict.fromkeys(("knob", "knobs", "dial", "dials"), "knob"),
+        **dict.fromkeys(("switch", "switches", "control", "controls"), ""),
+    }
+)
+"""What they are called -> which of them that is; "" for either."""
 
 # Kinds of closures of an opening.
 Front = Literal["door", "drawer"]

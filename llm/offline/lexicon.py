@@ -79,6 +79,7 @@ class Lexicon:
         vessels: Words for what holds what follows "of", such as "bottle".
         anything: Words for any item, such as "object".
         features: Words for parts of things that are not moved alone, such as "handle".
+        nicknames: Last word of a category -> further names of its things, where nothing else is called so.
         landmarks: Words for what only says where furniture stands, such as "window"; a scene may lack it.
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
@@ -99,6 +100,7 @@ class Lexicon:
     vessels: frozenset[str]
     anything: frozenset[str]
     features: frozenset[str]
+    nicknames: Mapping[str, tuple[str, ...]]
     landmarks: frozenset[str]
     beyond: Mapping[str, str]
     usual: tuple[Usual, ...]
@@ -135,6 +137,7 @@ class Lexicon:
             **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
             features=frozenset(data.get("parts", {}).get("features", ())),
+            nicknames={noun: tuple(names) for noun, names in data.get("nicknames", {}).items()},
             landmarks=frozenset(data.get("landmarks", {}).get("names", ())),
             beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
             usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),

@@ -58,6 +58,11 @@ class Names:
             for rank, names in enumerate(tiers):
                 for name in names:
                     bearers.setdefault(name, tuple([] for _ in tiers))[rank].append(key)
+        further: dict[str, list[str]] = {}
+        for key, thing in objects.items():
+            for name in lexicon.nicknames.get(_last_word(thing.category), ()):
+                further.setdefault(name, []).append(key)
+        bearers |= {name: (keys,) for name, keys in further.items() if name not in bearers}
         known = (*bearers, *(name for entry in lexicon.categories.values() for name in entry.names))
         words = frozenset(word for name in known for word in name.split())
         return cls(around.scene, around.affordances, lexicon, entries, bearers, words)
@@ -334,6 +339,11 @@ def _part(phrase: NounPhrase, which: Sequence[str]) -> Where | None:
     words = [_ORDERED.get(word, word) for word in which]
     rest = len(phrase.words) - 1 - len(which) + (phrase.side is not None)
     return Where("", "", words[0], noun) if noun and len(words) == 1 and words[0] in WHICH and not rest else None
+
+
+def _last_word(category: str) -> str:
+    """Return the noun of a category: "lamp" of "floor_lamp"."""
+    return category.lower().split(".", 1)[0].replace("-", "_").split("_")[-1]
 
 
 def _opened_by(key: str, can: Affordances) -> str:

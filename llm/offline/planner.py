@@ -40,7 +40,7 @@ from llm.offline.subtasks import (
     problem,
     scale_factors,
 )
-from llm.offline.switching import with_switchings
+from llm.offline.switching import VERBS, can_switch, with_switchings
 from llm.offline.words import TaggedWord, read_words
 from llm.proposing.proposal import Expanded, Proposal
 from oag import Action, Primitive, Scene, SimpleTask, Task, Verdict, compose
@@ -68,7 +68,8 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "switch-off": IntentKind.SWITCH_OFF,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
-_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
+_SWITCHINGS = ("SWITCHON", "SWITCHOFF", "OPERATE")
+_ACTIONS = frozenset({*_VERBS, *_SWITCHINGS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 LONGEST_QUERY = 2_000
 """Most characters of a query; the longest readable sentence needs a quarter of them."""
@@ -103,7 +104,8 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     words, features = grounding.names.without_features(words)
     tokens = grounding.names.with_own_nouns(words)
     try:
-        request, trusted = _of_known_words(with_switchings(tokens, around), grounding)
+        tokens, told = with_switchings(tokens, grounding)
+        request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, even if part of them is fulfilled.
         readable = refusal.code == "ambiguous-reading"
@@ -119,7 +121,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
             suggestions=suggestions[:_MOST_SUGGESTIONS],
             among=refusal.among,
         ) from None
-    notes = [f'"{phrase}" changes nothing in the plan' for phrase in (*manner, *features)]
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in (*manner, *features, *told)]
     notes += [*trusted, *_assumptions(request, around)]
     return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
 
@@ -134,19 +136,23 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple
         meant = _interpreted(tokens, grounding, trusts=not strange)
     except Refusal as refusal:
         if not strange:
-            raise _beyond(tokens, names, refusal) from None
+            raise _beyond(tokens, grounding, refusal) from None
         other = refusal
     else:
         if not strange:
             return meant
-    raise _beyond(tokens, names, _strange_words(strange, names, other))
+    raise _beyond(tokens, grounding, _strange_words(strange, names, other))
 
 
-def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Refusal:
+def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal) -> Refusal:
     """Return a refusal with the reason why its verb is beyond every plan, such as "pour"; others as they are."""
+    names = grounding.names
     if not tokens:
         return refusal
-    verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
+    # That the scene has no button or knob is no reason where it has one. "Push" is beyond for another reason.
+    known = VERBS if can_switch(grounding.around) else ()
+    strange = (token.text for token in tokens if token.text not in known or token.terminal == "FORCE")
+    verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
     if tokens[0].text in names.lexicon.stands and refusal.code == "missing-place":

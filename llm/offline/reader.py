@@ -12,9 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from llm.offline.intents import Front
+from llm.offline.intents import CONTROLS, Front
 from llm.offline.lexicon import Lexicon, built_in
-from llm.offline.switching import PART_OF
 from llm.offline.words import PREPOSITIONS, Direction, TaggedWord, read_words
 from oag.phrasing import rephrasings
 
@@ -152,7 +151,7 @@ class Command:
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
         stays: Whether its objects stay as they are, as in "but leave the mug on the table".
         carried: Whether it has the verb of the command before it, as in "put the mug here and the cup there".
-        part: "button" or "knob", where the sentence says what is pressed or turned.
+        part: "button", "dial" and the like, where the sentence says what is pressed or turned.
     """
 
     kind: CommandKind
@@ -297,7 +296,7 @@ def _command(tree: Any) -> Command:
         kind, objects, destination = "away", (replace(objects[0], location=there),), None
     spoken = {child.type for child in tree.children if not _is_tree(child)}
     if kind in SWITCHINGS:
-        part = next((PART_OF[str(child)] for child in tree.children if str(child) in PART_OF), "")
+        part = next((str(child) for child in tree.children if str(child) in CONTROLS), "")
         return Command(kind, objects, part=part)
     if kind == "clear" and "EMPTY" in spoken and not objects[0].everything:
         objects = (_contents(objects[0]),)

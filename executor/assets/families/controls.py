@@ -17,8 +17,9 @@ from executor.assets.model import Asset, Control, Handle, Link, Quaternion, Shap
 from executor.assets.parameters import ChoiceParameter
 from oag import SceneObject
 
-CONTROL = ChoiceParameter("control", ("none", "button", "knob"))
-SWITCHED = ChoiceParameter("switched", ("off", "on"))
+CONTROL = ChoiceParameter("control", ("none", "button", "knob"), drawn=False)
+SWITCHED = ChoiceParameter("switched", ("off", "on"), drawn=False)
+SWITCHING = (CONTROL, SWITCHED)
 
 BUTTON_TRAVEL_M, BUTTON_SET_M, BUTTON_CLICK_M, BUTTON_ON_M = 0.010, 0.006, 0.009, 0.005
 BUTTON_SPRING_N_M = 400.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executor.assets.families.controls import CONTROL, with_control
+from executor.assets.families.controls import CONTROL, SWITCHING, with_control
 from executor.assets.families.furniture import bed
 from executor.assets.families.shapes import box, cylinder, fixture, round_item, surface
 from executor.assets.model import Asset
@@ -93,6 +93,15 @@ MODELS = (
     ),
     ModelEntry("ottoman", "ottoman", "ottoman.n.03", ottoman, Range(0.40, 0.90), Range(0.40, 0.75), Range(0.35, 0.50)),
     ModelEntry("bed_double", "bed", "bed.n.01", bed, Range(1.95, 2.15), Range(1.40, 2.00), Range(0.80, 1.20)),
-    ModelEntry("lamp_on_stem", "lamp", "lamp.n.02", lamp, SAME_AS_WIDTH, Range(0.18, 0.30), Range(0.35, 0.70)),
+    ModelEntry(
+        "lamp_on_stem",
+        "lamp",
+        "lamp.n.02",
+        lamp,
+        SAME_AS_WIDTH,
+        Range(0.18, 0.30),
+        Range(0.35, 0.70),
+        SWITCHING,
+    ),
 )
 FAMILIES = {"armchair": armchair, "ottoman": ottoman, "lamp": lamp}

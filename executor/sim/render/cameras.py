@@ -405,7 +405,7 @@ def _handle_stand_points(thing: SceneObject) -> Array:
     """Return (P, 3) points around a robot that holds a handle, its door or drawer open."""
     asset = asset_for(thing)
     T_world_root, _ = _box(thing)
-    frames = link_frames(asset, [joint.position(_OPENED) for joint in asset.joints])
+    frames = link_frames(asset, [joint.start(_OPENED) for joint in asset.joints])
     parts = [np.empty((0, 3))]
     for handle in asset.handles:
         T_world_link = T_world_root @ frames[handle.link]
@@ -499,7 +499,7 @@ def _openings(scene: Scene, name: str, closed: Solids) -> Iterator[_ViewTarget]:
 
 def _all_open(scene: Scene) -> dict[str, list[float]]:
     return {
-        name: [joint.position(1.0) for joint in asset_for(thing).joints]
+        name: [joint.start(1.0) for joint in asset_for(thing).joints]
         for name, thing in scene.objects.items()
         if thing.kind is Kind.ARTICULATED
     }

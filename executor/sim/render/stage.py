@@ -422,7 +422,7 @@ def _tile(asset: Asset) -> Image.Image:
     scene.add_ground(0.0, render_material=material)
     built = build_asset(scene, "asset", asset, transform(np.eye(3), [0.0, 0.0, half[2]]), visual=True)
     if built.articulation is not None:
-        built.articulation.set_qpos([joint.position(_OPEN_FRACTION) for joint in asset.joints])
+        built.articulation.set_qpos([joint.start(_OPEN_FRACTION) for joint in asset.joints])
         scene.set_timestep(1e-6)
         scene.step()
     radius = float(np.linalg.norm(half)) * (1.2 if built.articulation is not None else 1.0)

@@ -9,11 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 import bddl
-from executor.assets.families.controls import KNOB_RANGE_RAD
+from executor.assets.families.controls import BUTTON_TRAVEL_M, KNOB_RANGE_RAD
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.audit.decision import decide
 from executor.audit.geometry import Snapshot
+from executor.sim.detectors import read
 from executor.sim.world import World
 from oag.model.where import Side, Where
 from tests.executor.appliances import appliance
@@ -44,14 +45,25 @@ def table_with_can() -> World:
     return World(scene_of({"table_0": TABLE | UPRIGHT, "can_0": can}))
 
 
-@pytest.mark.parametrize("share", [0.0, 0.45, 0.6, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.49, 0.51, 1.0])
 def test_switched_on_from_half_of_a_knob_s_range_on_and_no_door_is_open_by_it(share: float) -> None:
     with World(appliance("oven", "knob", 0)) as world:
         world.set_joint_position("oven_0", "knob_hinge", share * KNOB_RANGE_RAD)
         settle(world, 0.2)
         assert value(world, "(toggled_on oven_0)") is (share > 0.5)
         assert value(world, "(open oven_0)") is False
-        assert value(world, "(toggled_on floor)") is False
+        assert value(world, "(toggled_on floor)") is None, "of what is no object nothing is known"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.49, 0.5, 0.51, 0.6])
+def test_both_geometries_read_one_border_of_a_button(share: float) -> None:
+    with World(appliance("microwave", "button", 0)) as world:
+        for name in ("microwave_0", "counter_0", "floor"):
+            world.set_joint_position("microwave_0", "button_slide", share * BUTTON_TRAVEL_M + 1e-9)
+            found = Snapshot(world, world.pack())
+            world.set_joint_position("microwave_0", "button_slide", share * BUTTON_TRAVEL_M + 1e-9)
+            atom = bddl.Atom("toggled_on", (name,))
+            assert decide(atom, world.scene, found, found).value is read(atom, world).value
 
 
 @pytest.mark.parametrize("beyond_m", [-0.1, -0.02, 0.02, 0.1])

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
 import bddl
 import oag
 from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.assets.model import Control
+from executor.scenes.changes import has_one_way, with_door
 from executor.scenes.file import complete_scene
 from tests.executor.appliances import CONTROLS, KINDS, appliance
 
@@ -56,6 +59,40 @@ def test_a_lamp_with_a_button_has_to_be_fixed_and_words_are_checked() -> None:
         lamp = {"category": "lamp", "position": [1.0, 0.0], "parameters": parameters}
         found = complete_scene({"name": "one", "objects": {"lamp_0": lamp}})
         assert found.scene is None and words in " ".join(found.problems)
+
+
+@pytest.mark.parametrize(
+    ("category", "parameters", "said"),
+    [
+        ("refrigerator", {"control": "button"}, "'control' is 'button'"),
+        ("table", {"control": "knob", "switched": "on"}, "'control' is 'knob'"),
+        ("microwave", {"switched": "on"}, "'switched' is 'on'"),
+    ],
+)
+def test_a_control_that_a_model_cannot_have_is_refused(category: str, parameters: dict[str, str], said: str) -> None:
+    thing = {"category": category, "position": [1.0, 0.0], "parameters": parameters}
+    found = complete_scene({"name": "one", "objects": {"thing_0": thing}})
+    assert found.scene is None
+    assert said in found.problems[0] and "microwave_side_hinge, oven_bottom_hinge, lamp_on_stem" in found.problems[0]
+
+
+def test_no_control_and_off_are_said_of_everything() -> None:
+    nothing = {"control": "none", "switched": "off"}
+    scene = completed(table_0={"category": "table", "position": [1.0, 0.0], "parameters": nothing})
+    assert scene.domain.built_in
+
+
+@pytest.mark.parametrize("control", ["none", *CONTROLS])
+@pytest.mark.parametrize("kind", ["microwave", "oven"])
+def test_what_has_one_door_opens_one_way_whatever_switches_it(kind: str, control: str) -> None:
+    scene = appliance(kind, control, 1)
+    assert has_one_way(scene, f"{kind}_0")
+    opened = with_door(scene, f"{kind}_0", is_open=True)
+    assert f"(open {kind}_0)" in facts(opened)
+
+
+def test_a_lamp_with_a_button_opens_no_way() -> None:
+    assert not has_one_way(appliance("lamp", "button", 1), "lamp_0")
 
 
 def test_models_that_are_drawn_have_no_control() -> None:

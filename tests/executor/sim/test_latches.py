@@ -77,6 +77,15 @@ def test_the_latch_is_part_of_a_packed_state(microwave: World) -> None:
         assert is_on(other, "microwave_0") is False
 
 
+@pytest.mark.parametrize(("held_m", "lets_out"), [(0.0095, False), (0.0085, True)])
+def test_a_press_goes_on_where_a_state_was_packed(microwave: World, held_m: float, lets_out: bool) -> None:
+    push(microwave, "microwave_0", BUTTON, 8.0)
+    microwave.set_joint_position("microwave_0", BUTTON, held_m)
+    microwave.unpack(microwave.pack())
+    push(microwave, "microwave_0", BUTTON, 8.0)
+    assert is_on(microwave, "microwave_0") is not lets_out
+
+
 def test_a_button_that_is_latched_is_no_open_door(microwave: World) -> None:
     push(microwave, "microwave_0", BUTTON, 8.0)
     assert read(Atom("open", ("microwave_0",)), microwave).value is False

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import llm
 import oag
+from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.scenes import library
 from executor.scenes.generators import household
@@ -28,10 +29,12 @@ from executor.sim.render.cameras import (
     global_camera,
     head_camera,
     interest_points,
+    is_lens_clear,
     look_at,
     wrist_camera,
 )
 from oag.model.robots import PAPER_ROBOT
+from tests.executor.appliances import appliance
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
 SIZE = (320, 240)
@@ -183,3 +186,18 @@ def test_poses_are_rigid_and_upright(camera: Camera) -> None:
 def test_an_unknown_view_is_named_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="no view 'front'; the views are global, head, wrist"):
         cameras_for(library.load("kitchen_t1"), ["front"])
+
+
+def test_a_lens_is_as_near_to_a_knob_as_it_stands_whatever_opens() -> None:
+    scene = appliance("oven", "knob", 0)
+    thing, (knob,) = scene["oven_0"], asset_for(scene["oven_0"]).controls
+    T = transform_from_quaternion(thing.position, thing.orientation)
+    middle = T[:3, :3] @ np.add(knob.position_m, knob.grip.position_m) + T[:3, 3]
+    outward, across = (
+        T[:3, :3] @ np.asarray(knob.grip.outward),
+        T[:3, :3] @ np.cross(knob.grip.outward, [0.0, 0.0, 1.0]),
+    )
+    shut = Solids.of(scene)
+    for ahead_m, aside_m, up_m in product((0.0, 0.03), np.arange(-0.1, 0.1, 0.01), np.arange(0.0, 0.1, 0.01)):
+        eye = middle + (LENS_GAP_M + ahead_m) * outward + aside_m * across + [0.0, 0.0, up_m]
+        assert is_lens_clear(scene, eye) is bool(shut.gap_m(eye) >= LENS_GAP_M)
