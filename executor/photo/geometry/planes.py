@@ -233,8 +233,8 @@ def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px:
 def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
     """Return (3,) the direction of a table's top that is seen from above, however the camera is turned; None if unsure.
 
-    The top is the one plane of most of what the table's box shows besides other boxes. Most of these, and at least two,
-    are on it: by the median of what they show they are not behind that plane.
+    The top is the one plane of most of what the table's box shows besides other boxes. Half of these or more, and at
+    least two, are on it: by the median of what they show they are not behind that plane.
 
     Args:
         depth, camera: The input.
