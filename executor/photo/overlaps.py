@@ -19,7 +19,7 @@ from executor.photo.fitting.likelihood import AT_WALLS
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.usual import carries
 from executor.photo.room.estimate import is_item, is_on_one, tops_of
-from executor.photo.separation import CLEARANCE_M, Fill, separated
+from executor.photo.separation import CLEARANCE_M, Boxed, Fill, separated
 from oag.model.symbols import Kind, has_boards, kind_of
 
 SAME_HEIGHT_M = 0.02
@@ -60,6 +60,7 @@ def resolve_overlaps(
     fitted: Mapping[str, PoseHypothesis] | None = None,
     fills: Mapping[str, Fill] = MappingProxyType({}),
     on: Mapping[str, str] = MappingProxyType({}),
+    sized: Collection[str] = (),
 ) -> tuple[dict[str, PoseHypothesis], list[str]]:
     """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
 
@@ -71,8 +72,10 @@ def resolve_overlaps(
         fitted: id -> pose with which reported moves are compared; None: the hypotheses themselves.
         fills: id -> how well it fills its box; what is moved stays in it as far as it can.
         on: id -> id of what carries it, where that is known: it is on no other top, and they are not separated.
+        sized: Those whose size a person gave; it is never changed.
     """
     room = dict(guesses)
+    boxed = {key: Boxed.of(fill, room[key], is_sized=key in sized) for key, fill in fills.items() if key in room}
     large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0 and not one.fixed]
     # What carries others is placed before them.
     small = sorted(
@@ -87,16 +90,16 @@ def resolve_overlaps(
             continue
         tops = tops_of(one for other, one in room.items() if other != key)
         if key not in hung and not is_on_one(room[key], tops, same_height_m):
-            _let_carry(room, key)
+            _let_carry(room, key, sized)
     for _ in range(_ROUNDS):
         for key in large:
             room[key] = _out_of_walls(room[key], walls)
         for number, key in enumerate(large):
             for other in large[number + 1 :]:
-                known = (fills[key], fills[other]) if key in fills and other in fills else None
-                room[key], room[other] = _apart(room[key], room[other], known)
+                known = (boxed[key], boxed[other]) if key in boxed and other in boxed else None
+                room[key], room[other] = _apart(room[key], room[other], known, (key in sized, other in sized))
     for key, other in itertools.permutations(large, 2):
-        room[other] = _clear_of_doors(room[key], room[other])
+        room[other] = _clear_of_doors(room[key], room[other], other in sized)
     for key in small:
         _flatten(room, key, [room[one] for one in small if on.get(one) == key])
     notes = _put_on_tops(room, small, same_height_m, hung, on)
@@ -106,7 +109,7 @@ def resolve_overlaps(
                 if other in _below(key, on) or key in _below(other, on):
                     continue
                 if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
-                    known = (fills[key], fills[other]) if key in fills and other in fills else None
+                    known = (boxed[key], boxed[other]) if key in boxed and other in boxed else None
                     room[key], room[other] = separated(room[key], room[other], known)
     return room, [*notes, *_moves(guesses if fitted is None else fitted, room)]
 
@@ -202,13 +205,16 @@ def _moves(fitted: Mapping[str, PoseHypothesis], room: Mapping[str, PoseHypothes
     return notes
 
 
-def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
-    """Let the nearest table whose top is as high as a thing's bottom, and ends before it, reach below its middle."""
+def _let_carry(room: dict[str, PoseHypothesis], key: str, sized: Collection[str]) -> None:
+    """Let the nearest table whose top is as high as a thing's bottom, and ends before it, reach below its middle.
+
+    A table whose size a person gave is as large as that.
+    """
     thing, best = room[key], (_GROWN_M, "", np.zeros(2))
     margin_m = _ON_TOP * min(thing.size_m[:2]) / 2 + 2 * EDGE_M
     for name, piece in room.items():
         is_table = kind_of(piece.entry.category, 0.0) is Kind.SUPPORT and piece.bottom_m == 0.0
-        if not is_table or abs(piece.size_m[2] - thing.bottom_m) > SAME_HEIGHT_M:
+        if not is_table or name in sized or abs(piece.size_m[2] - thing.bottom_m) > SAME_HEIGHT_M:
             continue
         local = rotation_z(piece.yaw_rad)[:2, :2].T @ [thing.x_m - piece.x_m, thing.y_m - piece.y_m]
         out = np.maximum(np.abs(local) + margin_m - np.divide(piece.size_m[:2], 2), 0.0)
@@ -224,15 +230,11 @@ def _let_carry(room: dict[str, PoseHypothesis], key: str) -> None:
     if raycaster_of(grown) is None:
         slab = replace(GENERIC["generic_slab_on_legs"], category=piece.entry.category)
         grown = replace(grown, entry=slab, parameters=())
-    room[name] = _shifted(grown, rotation_z(piece.yaw_rad)[:2, :2] @ out / 2)
+    room[name] = grown.shifted(rotation_z(piece.yaw_rad)[:2, :2] @ out / 2)
 
 
 def _footprint(guess: PoseHypothesis) -> Footprint:
     return Footprint.of(guess.as_object())
-
-
-def _shifted(guess: PoseHypothesis, by: np.ndarray) -> PoseHypothesis:
-    return replace(guess, x_m=guess.x_m + float(by[0]), y_m=guess.y_m + float(by[1]))
 
 
 def _aligned(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesis:
@@ -254,12 +256,15 @@ def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesi
         into_m = wall.offset_m + CLEARANCE_M - farthest
         # An object wholly behind a wall is in the next room, visible over the wall.
         if into_m > 0.0 and nearest > wall.offset_m:
-            guess = _shifted(guess, into_m * wall.normal)
+            guess = guess.shifted(into_m * wall.normal)
     return guess
 
 
 def _apart(
-    first: PoseHypothesis, second: PoseHypothesis, fills: tuple[Fill, Fill] | None
+    first: PoseHypothesis,
+    second: PoseHypothesis,
+    boxed: tuple[Boxed, Boxed] | None,
+    sized: tuple[bool, bool],
 ) -> tuple[PoseHypothesis, PoseHypothesis]:
     """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
     deep_m = _footprint(first).depth_m(_footprint(second))
@@ -273,8 +278,8 @@ def _apart(
     over_m = max((first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)), deep_m) + CLEARANCE_M
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
-        return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
-    return separated(first, second, fills)
+        return _narrower(first, over_m / 2, sign, sized[0]), _narrower(second, over_m / 2, -sign, sized[1])
+    return separated(first, second, boxed)
 
 
 def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
@@ -283,7 +288,7 @@ def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
     return abs(math.sin(turned)) < _PARALLEL and math.cos(turned) > 0
 
 
-def _clear_of_doors(guess: PoseHypothesis, other: PoseHypothesis) -> PoseHypothesis:
+def _clear_of_doors(guess: PoseHypothesis, other: PoseHypothesis, is_sized: bool) -> PoseHypothesis:
     """Narrow another piece of a row if a door swings into its side.
 
     The piece with the door often hides that side.
@@ -298,7 +303,7 @@ def _clear_of_doors(guess: PoseHypothesis, other: PoseHypothesis) -> PoseHypothe
         (_reach_m(part, theirs, side) for part in swept_parts(guess.as_object(), _OPENED_RAD, _SWING_STEPS)),
         default=0.0,
     )
-    return _narrower(other, into_m + CLEARANCE_M, side) if 0.0 < into_m < _SHAVED_M else other
+    return _narrower(other, into_m + CLEARANCE_M, side, is_sized) if 0.0 < into_m < _SHAVED_M else other
 
 
 def _reach_m(part: Footprint, other: Footprint, side: float) -> float:
@@ -311,15 +316,15 @@ def _reach_m(part: Footprint, other: Footprint, side: float) -> float:
     return float((other.half_y_m - side * local[inside, 1]).max(initial=0.0))
 
 
-def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis:
-    """Narrow a piece on one side, +1 its own +y; move it by what its model does not allow."""
+def _narrower(guess: PoseHypothesis, by_m: float, side: float, is_sized: bool) -> PoseHypothesis:
+    """Narrow a piece on one side, +1 its own +y; move it by what its model, or a given size, does not allow."""
     length, width, height = guess.size_m
-    least = guess.entry.width.low
+    least = width if is_sized else guess.entry.width.low
     cut = min(by_m, max(0.0, width - least))
     aside = np.array([-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)])
     # The rest is moved.
     smaller = replace(guess, size_m=(length, width - cut, height))
-    return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
+    return smaller.shifted(-side * (cut / 2 + (by_m - cut)) * aside)
 
 
 def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
@@ -375,8 +380,9 @@ def _on_its_top(
             inside = np.clip(local, -free, free)
             aside_m = float(np.linalg.norm(inside - local))
             is_over = is_loose and aside_m == 0.0 and max(guess.size_m[:2]) <= max(other.size_m[:2])
-            # Of a plate in a sink, what is over both is on the plate.
-            by = not is_over, -level_m if is_over else math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            # Of a plate in a sink, what is over both is on the plate. In a raised shelf it is on the nearest board.
+            off = -level_m if is_over and on_item else math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            by = not is_over, off
             near_m = min(other.size_m[:2]) / 2 if on_item and not is_known else farthest_m
             if aside_m < near_m and (best is None or by < best[0]):
                 x, y = turn @ inside + T[:2, 3]

@@ -114,7 +114,8 @@ def made_of(
         fitted: id -> pose with which reported moves are compared; None: the hypotheses.
     """
     hung = {thing.id for thing in found.things if thing.fit.hangs}
-    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung, fitted, found.fills, found.on)
+    sized = {thing.id for thing in found.things if thing.detection.size_m is not None}
+    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m, hung, fitted, found.fills, found.on, sized)
     labels = [thing.detection.label for thing in found.things]
     names = {
         thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]), labels)
@@ -176,18 +177,24 @@ def scene_json(
         more = {"color_shares": shares} if shares else {}
         things[key] = _entry(replace(made, parameters={**made.parameters, **more}))
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
+    taken = list(footprints)
     for number, wall in enumerate(walls):
         key = f"wall_{number}"
         ended = replace(wall, span_m=_ends_m(wall, [one for one in walls if one is not wall]))
-        things[key] = _entry(_wall(ended, key, _back_m(wall, footprints)))
+        made = _wall(ended, key, _back_m(wall, footprints))
+        things[key] = _entry(made)
+        taken.append(Footprint.of(made))
     robot: dict[str, object] = {"name": DEFAULT_ROBOT.name}
-    if (back_m := _back_m_of_start(footprints)) is not None:
-        robot |= {"position": [-back_m, 0.0, 0.0], "yaw": 0.0}
+    if (back_m := _back_m_of_start(taken)) is not None:
+        robot |= {"position": [0.0 - back_m, 0.0, 0.0], "yaw": 0.0}
     return {"name": name, "robot": robot, "objects": things}
 
 
 def _back_m_of_start(footprints: Sequence[Footprint]) -> float | None:
-    """Return how far behind the camera the robot starts, with its view: people say "left" and "behind" of a picture."""
+    """Return how far behind the camera the robot starts, with its view; None where things and walls leave no room.
+
+    People say "left" and "behind" of a picture.
+    """
     taken = {str(index): one for index, one in enumerate(footprints)}
     steps = (_START_STEP_M * step for step in range(round(_START_MOST_M / _START_STEP_M) + 1))
     return next((back_m for back_m in steps if robot_has_room(-back_m, 0.0, 0.0, taken)), None)

@@ -92,6 +92,10 @@ class PoseHypothesis:
         """Return it with some options changed."""
         return replace(self, parameters=tuple(sorted({**dict(self.parameters), **values}.items())))
 
+    def shifted(self, by_m: Array) -> PoseHypothesis:
+        """Return it at another place, moved by (2,) along the floor."""
+        return replace(self, x_m=self.x_m + float(by_m[0]), y_m=self.y_m + float(by_m[1]))
+
     def local(self, eye_m: Array) -> tuple[Array, Array]:
         """Return an eye (3,) in the object's frame, whose origin is the box's middle, and (3, 3) that rotates rays."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +62,8 @@ NO_FEET: Array = np.zeros((0, 3))
 """Of what carries nothing."""
 
 _FOOT_HIGH_M, _FOOT_ASIDE_M, _FOOT_MOST, FOOT_USUAL = 0.004, 0.02, 80.0, 8.0
-"""Spreads of a foot about the height of its top, and beyond that one's edge; most that it costs, since it may be
-elsewhere; what it costs at most where it is there."""
+"""Spreads of a foot about the height of its top, and beyond that one's edge. Most that it costs, since it may be
+elsewhere, and most where it is there."""
 
 CARRIED = ("microwave", "wall_cabinet")
 """Furniture that stands on furniture, or hangs."""
@@ -148,26 +148,46 @@ def usual_size_m(entry: ModelEntry) -> Size:
     return length, width, height
 
 
+class TopShares(NamedTuple):
+    """A top of a model in shares of its size: height, middle and half sides."""
+
+    high: float = 1.0
+    x: float = 0.0
+    y: float = 0.0
+    half_x: float = 0.5
+    half_y: float = 0.5
+
+
 @cache
-def top_shares(entry: ModelEntry) -> tuple[float, float, float, float, float] | None:
-    """Return the highest top of a model in shares of its size: height, middle and half sides; None without one."""
-    size_m = usual_size_m(entry)
+def top_shares(entry: ModelEntry, *, hollows: bool = False) -> tuple[TopShares, ...]:
+    """Return the tops and boards of a model as it has them at its usual size, the highest first.
+
+    Args:
+        entry: The model.
+        hollows: Whether the floors of its hollows are among them.
+    """
+    length, width, height = size_m = usual_size_m(entry)
     thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    frames = [region_frame(thing, region) for region in asset_for(thing).regions if region.kind == "surface"]
-    if not frames:
-        return None
-    T, half = max(frames, key=lambda frame: float(frame[0][2, 3]))
-    (x, y, z), (half_x, half_y) = T[:3, 3], half
-    length, width, height = size_m
-    return float(z) / height, float(x) / length, float(y) / width, float(half_x) / length, float(half_y) / width
+    found = []
+    for region in asset_for(thing).regions:
+        if region.kind == "surface" or hollows:
+            T, half = region_frame(thing, region)
+            x, y, z = (float(value) for value in T[:3, 3])
+            found.append(TopShares(z / height, x / length, y / width, float(half[0]) / length, float(half[1]) / width))
+    return tuple(sorted(found, reverse=True))
 
 
 def feet_cost(guess: PoseHypothesis, feet_m: Array) -> float:
-    """Return the cost of feet (N, 3) that are not on the top of a hypothesis; what has boards has many tops."""
-    shares = top_shares(guess.entry) if len(feet_m) and not has_boards(guess.entry.category) else None
-    if shares is None:
+    """Return the cost of feet (N, 3) that are not on the top of a hypothesis.
+
+    What has boards has many tops, and feet tell nothing of it. What has no top carries none of them.
+    """
+    if not len(feet_m) or has_boards(guess.entry.category):
         return 0.0
-    (length, width, height), (high, ahead, aside, half_ahead, half_aside) = guess.size_m, shares
+    shares = top_shares(guess.entry)
+    if not shares:
+        return _FOOT_MOST * len(feet_m)
+    (length, width, height), (high, ahead, aside, half_ahead, half_aside) = guess.size_m, shares[0]
     c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
     x, y = feet_m[:, 0] - guess.x_m, feet_m[:, 1] - guess.y_m
     over = np.abs(c * x + s * y - ahead * length) - half_ahead * length

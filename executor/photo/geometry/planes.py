@@ -35,7 +35,7 @@ _GIVEN_RAD = math.radians(12.0)  # Between a given vertical and that of the dept
 _LEVEL_RAD = (math.radians(7.0), math.radians(15.0))  # Error of a neighbourhood's direction, and if noise is strong.
 _OF_TOP, _CARRIED = 0.6, 2  # Share of a table's own cells that its top has; boxes in that of the table.
 _BEHIND_M = 0.02  # A front: what is on a piece of furniture is behind that, and before the top that it is on.
-_ACROSS = 0.9  # Of the picture's width, that a wall behind a floor has.
+_ACROSS, _COLUMNS = 0.9, 40  # Share of so many columns of the picture, in which a wall behind a floor is seen.
 _OF_EACH_WALL, _OF_WALLS = 0.05, 0.5  # Shares of all cells: upright ones of one direction, and of both.
 _LEAST_CELLS, _LEAST_OF_PLANE, _LARGE_M2 = 50, (50, 20), 0.1
 _BIN_M, _APART_M, _MOST = 0.01, 0.12, 6  # Heights are counted in bins; planes nearer to each other are one.
@@ -192,10 +192,10 @@ def _is_walled(cells: _Cells, frame: Array, below_m: float, width_px: int) -> bo
         counts, edges = np.histogram(off_m[faces], np.arange(-_FARTHEST_M, 0.0, _BIN_M))
         wall_m = edges[int(gaussian_filter1d(counts.astype(float), 2.0).argmax())] + _BIN_M / 2
         on = faces & (np.abs(off_m - wall_m) < _APART_M / 2)
-        across = np.ptp(cells.pixels[on, 0]) if on.any() else 0.0
+        across = np.histogram(cells.pixels[on, 0], _COLUMNS, (0.0, width_px))[0] > 0
         foot_m = float(np.percentile(-(cells.points_m[on] @ frame[0]), 99.0)) if on.any() else 0.0
         behind = float((off_m < wall_m - _APART_M).mean())
-        if across > _ACROSS * width_px and below_m - foot_m < _APART_M and behind < _LEAST_PLANE:
+        if across.mean() > _ACROSS and abs(below_m - foot_m) < _APART_M and behind < _LEAST_PLANE:
             return True
     return False
 
@@ -233,8 +233,8 @@ def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px:
 def top_direction(depth: Depth, camera: Intrinsics, table_px: Box, others_px: Sequence[Box]) -> Array | None:
     """Return (3,) the direction of a table's top that is seen from above, however the camera is turned; None if unsure.
 
-    The top is the one plane of most of what the table's box shows besides other boxes, and several of these are on it:
-    none of what they show is behind that plane.
+    The top is the one plane of most of what the table's box shows besides other boxes. Half of these or more, and at
+    least two, are on it: by the median of what they show they are not behind that plane.
 
     Args:
         depth, camera: The input.

@@ -52,13 +52,13 @@ _WIDEST_ITEM_M, _FARTHEST_M = 1.2, 7.0  # Of an item on the floor of a room.
 _HUNG_FROM_M, _TALL_M = 4.0, 0.5  # Nearer, and taller, what usually hangs stands on the floor.
 _NARROW, _WIDE = 1.25, 1.4  # Times as wide as the item below it, lying or standing on it.
 _UPRIGHT_OVER, _UPRIGHT_ABOVE, _UPRIGHT_ASIDE, _BETWEEN = 0.8, 0.5, 0.5, 0.4
-"""Of what stands on an item that is not known to carry: share of its width over it; way that it stands out above it, in
-heights of the item; how far its middle, and its end, are off the item's, in halves of its sides. In 99 pictures
-every such pair is one on the other."""
+"""Of what stands on an item that is not known to carry. The first is the share of its width over the item, the second
+how far it stands out above it, in heights of the item. The others are how far its middle and its end are off the
+item's, in halves of its sides. In 99 pictures every such pair is one on the other."""
 
 _INTO = 0.06  # Share of a face: what ends nearer to its upper edge is behind it.
 _OUTSIDE, _AREA, _UNUSUAL, _ON_SEAT, _ON_ITEM, _MAYBE_ON_ITEM = 0.7, 0.4, 1.0, 2.0, -1.5, 4.0
-_IN_BOARDS, _BESIDE_BOARDS, _NESTED = 1.0, 1.5, 0.1
+_IN_BOARDS, _OVERHANG, _NESTED = 1.0, 1.5, 0.1
 _LEAST_WIDE = 0.6  # Of a thing's width, a support shows.
 _OFF_SHARE, _NEAR_SHARE, _FRONT = 0.2, 0.06, 1.5
 """Of a thing's shorter side, beside a face; most of the width of the picture that such a side is; most that the front
@@ -92,7 +92,7 @@ def top_m(thing: Detection) -> float:
     entry = named_models(thing)[0]
     shares = top_shares(entry)
     height_m = _TOP_M if entry.model in GENERIC else usual_size_m(entry)[2]
-    return height_m if shares is None else height_m * shares[0]
+    return height_m * shares[0].high if shares else height_m
 
 
 def is_foot_hidden(view: Observation, things: Sequence[Detection], index: int) -> bool:
@@ -232,7 +232,7 @@ def _cost_on(view: Observation, things: Sequence[Detection], index: int, thing: 
             cost -= _IN_BOARDS * (over > _WITHIN)
             if bottom - top > COMPARTMENTS * (right - left):
                 # What is in a compartment is between its sides; on a single board it may reach beyond the end.
-                cost += _BESIDE_BOARDS * max(0.0, x1 - right, left - x0) / (x1 - x0)
+                cost += _OVERHANG * max(0.0, x1 - right, left - x0) / (x1 - x0)
             last = bottom
         if bound and not first + _INTO * (last - first) < y1 < last:
             return math.inf

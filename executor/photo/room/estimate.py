@@ -39,7 +39,10 @@ _LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture tha
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 _LOOKED_AT_PX = 2000  # Of what is visible of a thing, to tell its colours.
 _FLAT, _INTO = 0.25, 0.06  # Height of a flat item by its shorter side; share of its box, below its far edge.
-_BESIDE, _BESIDE_PX = 0.15, 2.0  # Of an item's sides, and beyond that: so near to it ends the box of what is on it.
+_MARGIN_SHARE, _MARGIN_PX = (
+    0.15,
+    2.0,
+)  # Of an item's sides, and beyond that: so near to it ends the box of what is on it.
 _LEAST_SHOWN = 0.2  # Of its box: a fit that shows less there is of something else.
 
 
@@ -195,7 +198,7 @@ class RoomEstimate:
         on: index -> what carries it, where boxes and names decide that.
         scale_share: Relative uncertainty of the picture's scale, without depth.
         feet_m: index of furniture -> (N, 3) where things on it touch its top, where they hide that.
-        seemingly_on: With depth, what each box seems to be on by the picture: another one, FLOOR or WALL.
+        apparent_on: With depth, the apparent support of each box in the picture: another one, FLOOR or WALL.
     """
 
     def __init__(
@@ -205,10 +208,10 @@ class RoomEstimate:
         detections: Sequence[Detection],
         scale_share: float,
         feet_m: Mapping[int, Array] = MappingProxyType({}),
-        seemingly_on: Sequence[int] = (),
+        apparent_on: Sequence[int] = (),
     ) -> None:
         self.observation, self.detections, self.scale_share = observation, tuple(detections), scale_share
-        self.feet_m, self.seemingly_on = feet_m, seemingly_on
+        self.feet_m, self.apparent_on = feet_m, apparent_on
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
         self.on: dict[int, int] = {}
@@ -356,7 +359,7 @@ class RoomEstimate:
             low_m: The height of its lower end.
         """
         index = next((one for one, other in enumerate(self.detections) if other is detection), -1)
-        below = self.seemingly_on[index] if 0 <= index < len(self.seemingly_on) else FLOOR
+        below = self.apparent_on[index] if 0 <= index < len(self.apparent_on) else FLOOR
         if below not in self.fits or not is_piece(self.detections[below]):
             return None
         tops = [round(top.height_m, 4) for top in tops_of([self.fits[below].guess])]
@@ -367,7 +370,7 @@ class RoomEstimate:
         """Return whether a box ends where another thing is in the picture; furniture may be hidden below it."""
         other, size_m = self.detections[index], self.fits[index].guess.size_m
         (x0, _, x1, y1), (left, top, right, bottom) = detection.box_px, other.box_px
-        aside, down = (_BESIDE * side + _BESIDE_PX for side in (right - left, bottom - top))
+        aside, down = (_MARGIN_SHARE * side + _MARGIN_PX for side in (right - left, bottom - top))
         # What ends at the far edge of a mat is behind it.
         first = top + _INTO * (bottom - top) if size_m[2] < _FLAT * min(size_m[:2]) else top - down
         ends_in_it = left - aside < (x0 + x1) / 2 < right + aside and first < y1 < bottom + down

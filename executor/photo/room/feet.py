@@ -23,8 +23,8 @@ _LEAST = 3  # Things on a top that hide it: the support of one alone may be take
 _LEVEL_M, _SEEN = 0.03, 0.1  # Of a top's pixels from its height; share of furniture's own that shows its top.
 
 
-def seemingly_on(view: Observation, things: Sequence[Detection]) -> list[int]:
-    """Return what each thing seems to be on by its box alone, as in a picture without depth."""
+def apparent_supports(view: Observation, things: Sequence[Detection]) -> list[int]:
+    """Return the apparent support of each thing, by its box alone, as in a picture without depth."""
     return supports_of(replace(view, z_m=np.zeros_like(view.z_m)), things)
 
 
@@ -34,7 +34,7 @@ def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequen
     Args:
         view: The picture, with depth.
         things: The boxes.
-        on: What each of them seems to be on.
+        on: The apparent support of each of them.
     """
     found: dict[int, Array] = {}
     for index in sorted({below for below in on if below >= 0 and is_piece(things[below])}):

@@ -47,6 +47,7 @@ _POOR, _BETTER = 0.7, 0.15  # IoU of an outline with its box, below which it is 
 _FARTHEST_M = 12.0
 _TALLEST_M = 0.1  # Least distance between the camera and a top below it.
 _LEVEL_M = 0.02
+_LOGS = (-7.0, 3.0)  # Of sizes: a millimetre to 20 m. A step of a search may go far beyond any number.
 _SLOPE, _LOOSEST = 1e-4, 1e-6  # Step of differences; of the sharpest direction: looser ones are unknown.
 
 
@@ -162,7 +163,7 @@ class Jointly:
     def pose(self, index: int) -> PoseHypothesis:
         """Return the hypothesis of a piece."""
         x, y, yaw, *logs = self.X[index].tolist()
-        length, width, height = (math.exp(one) for one in logs)
+        length, width, height = _sizes_m(np.array(logs)).tolist()
         if is_round(self.pieces[index].entry):
             length = width
         bottoms, entry = self._bottoms(self.X), self.pieces[index].entry
@@ -218,7 +219,7 @@ class Jointly:
                     levels[on, board] = self._level_m(X, index)
                 bottoms[index] = max(levels[on, board], bottoms[on])
             elif on >= 0:
-                bottoms[index] = bottoms[on] + self.pieces[index].region.high * math.exp(min(X[on, 5], 3.0))
+                bottoms[index] = bottoms[on] + self.pieces[index].region.high * math.exp(min(X[on, 5], _LOGS[1]))
         return bottoms
 
     def _level_m(self, X: Array, index: int) -> float:
@@ -231,13 +232,13 @@ class Jointly:
         for one in self._level_with[index]:
             if self.placed[one] or one == index:
                 x, y, _, length, width, _ = X[on if self._foot[one] > 0.0 else one].tolist()
-                away_m = math.hypot(x - eye_x, y - eye_y) - math.exp(min(length, width, 3.0)) / 2
+                away_m = math.hypot(x - eye_x, y - eye_y) - math.exp(min(length, width, _LOGS[1])) / 2
                 levels.append(self._foot[one] * max(away_m, _NEAREST_M))
         return float(eye_z) + sum(levels) / len(levels)
 
     def _bounds(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return (N, 4) the boxes of what the picture shows of some pieces, or of all of each that it does not show."""
-        some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
+        some, sizes = X[rows], _sizes_m(X[rows, 3:])
         c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
         local = self._edges[rows] * sizes[:, None, None]
         x = c[:, None, None] * local[..., 0] - s[:, None, None] * local[..., 1] + some[:, 0, None, None]
@@ -283,14 +284,14 @@ class Jointly:
 
     def _size_residuals(self, X: Array, rows: Sequence[int]) -> Array:
         """Return how far sizes are off those of their kinds: sides, aspects, and the longest side."""
-        L, W, H = np.clip(X[rows, 3:], -7.0, 3.0).T
+        L, W, H = np.clip(X[rows, 3:], *_LOGS).T
         longest = np.log(np.exp(6 * L) + np.exp(6 * W) + np.exp(6 * H)) / 6
         values = np.stack([L, W, H, L - W, H - W, longest], axis=1)
         return np.asarray((values - self._prior[rows]) / self._spread[rows]).ravel()
 
     def _around_camera(self, X: Array, bottoms: Array, rows: Sequence[int]) -> Array:
         """Return how far pieces that are about as high as the camera are around it, (N,)."""
-        some, sizes = X[rows], np.exp(np.clip(X[rows, 3:], -7.0, 3.0))
+        some, sizes = X[rows], _sizes_m(X[rows, 3:])
         c, s = np.cos(some[:, 2]), np.sin(some[:, 2])
         off = self.view.eye_m[:2] - some[:, :2]
         local = np.abs(np.stack([c * off[:, 0] + s * off[:, 1], c * off[:, 1] - s * off[:, 0]], axis=1))
@@ -312,7 +313,7 @@ class Jointly:
     def _on_top(self, X: Array, bottoms: Array, index: int) -> Array:
         """Return how far the middle of a piece is beside its top, (2,)."""
         piece, on = self.pieces[index], self.pieces[index].on
-        size, own = np.exp(X[on, 3:5]), np.exp(X[index, 3:5])
+        size, own = _sizes_m(X[on, 3:5]), _sizes_m(X[index, 3:5])
         _, mid_x, mid_y, half_x, half_y = piece.region
         middle, half = np.array([mid_x, mid_y]) * size, np.array([half_x, half_y]) * size
         local = _turned(X[index, :2] - X[on, :2], -X[on, 2]) - middle
@@ -325,7 +326,7 @@ class Jointly:
         beside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
         if piece.board is None:
             return beside
-        own_m, height_m = np.exp(np.clip(X[[index, on], 5], -7.0, 3.0))
+        own_m, height_m = _sizes_m(X[[index, on], 5])
         above_m = float(bottoms[index] - bottoms[on] + own_m - height_m)
         return np.append(beside, max(0.0, above_m) / _LEVEL_M)
 
@@ -335,7 +336,7 @@ class Jointly:
         for index in range(len(self.pieces)):
             if not self.placed[index]:
                 continue
-            size, parts = np.exp(np.clip(X[index, 3:], -7.0, 3.0)), self._parts[index]
+            size, parts = _sizes_m(X[index, 3:]), self._parts[index]
             middle = _turned(parts.mean(axis=1)[:, :2] * size[:2], X[index, 2]) + X[index, :2]
             half = (parts[:, 1] - parts[:, 0]) / 2 * size
             low = bottoms[index] + (parts[:, 0, 2] + 0.5) * size[2]
@@ -498,7 +499,7 @@ class Jointly:
         others = [one for one in self._above[index] if not self.placed[one]]
         if not others:
             return np.zeros(0)
-        size = np.exp(np.clip(X[index, 3:], -7.0, 3.0))
+        size = _sizes_m(X[index, 3:])
         bottom_m = bottoms[index]
         K, view = self.view.K, self.view
         found = []
@@ -516,6 +517,11 @@ class Jointly:
             wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
             found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
         return np.array(found)
+
+
+def _sizes_m(logs: Array) -> Array:
+    """Return the sizes of logarithms, which a step of a search may make as large as it likes."""
+    return np.asarray(np.exp(np.clip(logs, *_LOGS)))
 
 
 def _robust(values: Array, most: float) -> Array:

@@ -7,17 +7,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from executor.assets.families.generic import BOARDS, GENERIC, PANEL, SHELF, WITH_BACK
-from executor.assets.footprint import region_frame, solid_parts
-from executor.assets.library import LIBRARY, asset_for
+from executor.assets.footprint import solid_parts
+from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.hypothesis import PoseHypothesis, is_round, raycaster_of
-from executor.photo.fitting.likelihood import OF_RANGE, is_large, usual_size_m
+from executor.photo.fitting.likelihood import OF_RANGE, TopShares, is_large, top_shares, usual_size_m
 from executor.photo.fitting.refinement import with_parts
 from executor.photo.fitting.starts import generic_models, is_raised, named_models
 from executor.photo.geometry.observation import Observation
@@ -41,24 +40,14 @@ _ITEM_M, _PIECE_M, _HIGH_M = 0.18, 0.9, 0.6  # Sizes where a name tells nothing:
 _ANY_SPREAD, _PIECE_SPREAD = 1.0, 0.5
 _MISFIT = math.log(1.7)  # Of a side, beyond the sizes of a model: a generic shape is fitted instead.
 _ROUND_SIDES = 8
-_TOP_SHARE, _SAME_BOARD = 0.15, 0.3  # Of a shelf's box, that may be its top; of a thing's, between ends on one board.
+_TOP_SHARE, _SAME_BOARD = 0.15, 0.05  # Of the height of a shelf's box: its top; between ends of things on one board.
 _SHELF_M, _SHELF_SPREADS = (
     (0.30, 0.80, 1.20),
     (0.25, 0.40, 0.50),
 )  # Usual size of a shelf, and deviations of logarithms.
 
 
-class TopOf(NamedTuple):
-    """The top of a model: height, middle and half sides in shares of its size."""
-
-    high: float = 1.0
-    x: float = 0.0
-    y: float = 0.0
-    half_x: float = 0.5
-    half_y: float = 0.5
-
-
-_WHOLE = TopOf()
+_WHOLE = TopShares()
 
 
 @dataclass(frozen=True)
@@ -76,21 +65,8 @@ class Piece:
     thing: Detection
     entry: ModelEntry
     on: int
-    region: TopOf = _WHOLE
+    region: TopShares = _WHOLE
     board: int | None = None
-
-
-@cache
-def tops_of(entry: ModelEntry) -> tuple[TopOf, ...]:
-    """Return the tops of a model as it has them at its usual size, the highest first."""
-    length, width, height = size_m = usual_size_m(entry)
-    thing = PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, size_m).as_object()
-    found = []
-    for region in asset_for(thing).regions:
-        T, half = region_frame(thing, region)
-        x, y, z = (float(value) for value in T[:3, 3])
-        found.append(TopOf(z / height, x / length, y / width, float(half[0]) / length, float(half[1]) / width))
-    return tuple(sorted(found, reverse=True))
 
 
 @cache
@@ -127,7 +103,7 @@ def parts_of(entry: ModelEntry) -> Array:
 
 def with_region(piece: Piece, below: Piece) -> Piece:
     """Return a piece with the top of its support that it is on: the board next to where its box ends."""
-    tops = tops_of(below.entry)
+    tops = top_shares(below.entry, hollows=True)
     if not tops or piece.board is not None:
         return piece
     if not has_boards(below.entry.category):
@@ -152,13 +128,16 @@ def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:
         highest = 0.0 if top < BORDER_SHARE * view.size_px[1] else top + _TOP_SHARE * (bottom - top)
         within = [one for one in within if pieces[one].thing.box_px[3] > highest]
         within.sort(key=lambda one: pieces[one].thing.box_px[3])
-        board, last_px = -1, -math.inf
+        boards, last_px, same_px = dict[int, int](), -math.inf, _SAME_BOARD * (bottom - top)
         for one in within:
-            _, y0, _, y1 = pieces[one].thing.box_px
-            board += y1 > last_px + _SAME_BOARD * (y1 - y0)
-            found[one], last_px = replace(found[one], board=board, region=_WHOLE), y1
-        if within and board < len(BOARDS):
-            found[number] = replace(shelf, entry=replace(GENERIC[SHELF], category=shelf.entry.category))
+            end_px = pieces[one].thing.box_px[3]
+            boards[one] = max(boards.values(), default=-1) + int(end_px > last_px + same_px)
+            last_px = end_px
+        if not boards or max(boards.values()) >= len(BOARDS):
+            continue
+        for one, board in boards.items():
+            found[one] = replace(found[one], board=board, region=_WHOLE)
+        found[number] = replace(shelf, entry=replace(GENERIC[SHELF], category=shelf.entry.category))
     return found
 
 

@@ -19,7 +19,7 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.feet import feet_on_furniture, seemingly_on
+from executor.photo.room.feet import apparent_supports, feet_on_furniture
 from executor.photo.room.fitter import RoomFitter
 from executor.photo.room.jointly import Jointly
 from executor.photo.separation import Fill
@@ -167,7 +167,7 @@ class _Reconstruction:
         kept: Mapping[int, Fit],
         on_progress: Callable[[str], None],
     ) -> None:
-        on = seemingly_on(observation, detections) if observation.has_depth else []
+        on = apparent_supports(observation, detections) if observation.has_depth else []
         feet_m = feet_on_furniture(observation, detections, on)
         self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on)
         self._on_progress, self._found = on_progress, dict(kept)

@@ -13,7 +13,7 @@ from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import FOOT_USUAL, Fit, feet_cost
 from executor.photo.inputs.annotations import FLOOR, Detection
 from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
-from executor.photo.room.feet import feet_on_furniture, seemingly_on
+from executor.photo.room.feet import apparent_supports, feet_on_furniture
 from tests.executor.photo.test_fit import seen_from_above
 
 BOX = GENERIC["generic_box"]
@@ -40,6 +40,9 @@ def test_what_hides_a_top_tells_its_height_and_how_far_it_reaches() -> None:
         replace(DESK, x_m=2.4),
     ):
         assert feet_cost(wrong, feet) > FOOT_USUAL * 3
+    # What has no top carries nothing, though it is as large.
+    open_box = replace(DESK, entry=replace(GENERIC["generic_open_box"], category="desk"))
+    assert feet_cost(open_box, feet) > FOOT_USUAL * 3
     # What has boards has many tops.
     shelf = PoseHypothesis(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.8, 1.5))
     assert feet_cost(shelf, feet) == feet_cost(DESK, np.zeros((0, 3))) == 0.0
@@ -72,17 +75,18 @@ def test_what_ends_behind_a_mat_is_on_the_desk_and_what_ends_in_its_box_is_on_th
 def test_what_hangs_over_the_edge_of_a_top_at_its_height_is_on_it() -> None:
     jacket = PoseHypothesis(replace(BOX, category="jacket"), 1.60, 0.0, 0.0, 0.70, (0.02, 0.3, 0.4))
     seen, things = seen_from_above(DESK, jacket)
-    room = RoomEstimate(seen, (), things, 0.0, {}, seemingly_on(seen, things))
+    room = RoomEstimate(seen, (), things, 0.0, {}, apparent_supports(seen, things))
     room.add_fit(0, fit_of(DESK))
     points = np.random.default_rng(0).uniform((1.55, -0.1, 0.66), (1.6, 0.1, 1.0), (80, 3))
-    assert heights_under(points, tops_of([DESK])) != [0.72]
+    low_m = float(np.percentile(points[:, 2], 5.0))
+    assert heights_under(points, tops_of([DESK])) == pytest.approx([low_m], abs=1e-4)
     assert room.heights_m(things[1], points) == pytest.approx([0.72], abs=0.003)
     # Near misses: it ends far below the top, or its box ends elsewhere.
     low = points - (0.0, 0.0, 0.3)
-    assert room.heights_m(things[1], low) != pytest.approx([0.72], abs=0.003)
+    assert room.heights_m(things[1], low) == pytest.approx([low_m - 0.3], abs=1e-4)
     elsewhere = RoomEstimate(seen, (), things, 0.0, {}, [FLOOR, FLOOR])
     elsewhere.add_fit(0, fit_of(DESK))
-    assert elsewhere.heights_m(things[1], points) != pytest.approx([0.72], abs=0.003)
+    assert elsewhere.heights_m(things[1], points) == pytest.approx([low_m], abs=1e-4)
 
 
 def test_a_foot_is_where_a_box_ends() -> None:

@@ -25,6 +25,8 @@ from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_json, scene_of, variations_of
+from executor.scenes.file import complete_scene
+from executor.scenes.validation import issues
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
@@ -242,6 +244,26 @@ def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
     for seen_m, thick_m in ((0.0, 0.08), (0.12, 0.12)):
         lone = scene_json({}, (replace(wall, thick_m=seen_m),), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
         assert lone["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("wall", "starts"),
+    [
+        (None, True),
+        (Wall(np.array([-1.0, 0.0]), -0.3, (-1.0, 1.0), 2.5, 0.005), True),
+        (Wall(np.array([0.0, -1.0]), -0.25, (-2.0, 5.0), 2.5, 0.005), False),
+    ],
+)
+def test_the_robot_starts_off_walls_or_wherever_there_is_room(wall: Wall | None, starts: bool) -> None:
+    table = replace(TABLE, x_m=2.5, y_m=-0.3, yaw_rad=0.0)
+    walls = () if wall is None else (wall,)
+    robot = scene_json({"table": table}, walls, "seen", {"table": "table"})["robot"]
+    assert ("position" in robot) is starts  # type: ignore[operator]
+    made = complete_scene(scene_json({"table": table}, walls, "seen", {"table": "table"}))
+    assert made.scene is not None and not [one for one in issues(made.scene) if one.error]
+    if starts:
+        x_m = robot["position"][0]  # type: ignore[index]
+        assert math.copysign(1.0, x_m) == (1.0 if wall is None else -1.0)
 
 
 @pytest.mark.parametrize(("span_m", "ends_m"), [((-1.7, 1.6), (-1.5, 1.5)), ((-1.5, 1.4), (-1.4, 1.5))])

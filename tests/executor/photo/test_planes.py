@@ -205,6 +205,24 @@ def test_a_plane_that_ends_at_a_wall_is_the_floor_where_a_person_boxed_no_table(
         assert floor_below("p", other, [mug]).above_top_m is not None
 
 
+def test_a_wall_is_across_the_picture_where_most_columns_show_it_down_to_the_floor() -> None:
+    up = up_in_camera(25.0, 2.0)
+    ahead = CAMERA.rays(SIZE) @ level_rotation(up).T
+    low = depth_of(up, 0.5)
+    wall_m = 1.1 / np.maximum(ahead[..., 0], 0.05)
+    column = np.broadcast_to(np.arange(SIZE[0]), low.z_m.shape)
+    # The floor goes on in a doorway that nothing is measured in.
+    for door, is_walled in (((150, 165), True), ((20, 300), False)):
+        inside = (column > door[0]) & (column < door[1])
+        z_m = np.where(low.z_m < wall_m, low.z_m, np.where(inside, 0.0, wall_m))
+        found = level_planes(replace(low, z_m=z_m), CAMERA)
+        assert found is not None and found.is_walled is is_walled
+    # A table's top before a wall that goes on below it.
+    table = np.where(ahead[..., 0] * low.z_m < 0.8, low.z_m, wall_m)
+    found = level_planes(replace(low, z_m=table), CAMERA)
+    assert found is not None and found.planes[0].height_m == pytest.approx(0.5, abs=0.02) and not found.is_walled
+
+
 def test_the_front_of_a_cabinet_is_no_top_though_things_that_are_on_it_are_in_its_box() -> None:
     up = up_in_camera(14.0, 4.0)
     ahead = CAMERA.rays(SIZE) @ level_rotation(up).T

@@ -246,6 +246,18 @@ def test_what_a_person_measured_is_left_out_where_it_fits_nowhere() -> None:
     assert made.refused == "" and [one.cause for one in room.unfitted] == [LostCause.NO_ROOM]
 
 
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_size_that_a_person_gave_is_that_of_the_scene_though_pieces_overlap_in_a_row(is_given: bool) -> None:
+    left = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.3, 0.43, 0.0, 0.0, (0.6, 0.9, 0.8))
+    row = (left, replace(left, y_m=-0.43))
+    seen, boxes = seen_from_above(*row)
+    boxes = [replace(box, size_m=left.size_m if is_given else None) for box in boxes]
+    room, made = scene_of(known(seen, *zip(boxes, row, strict=True)), "drawn")
+    assert made.refused == "" and made.scene is not None
+    widths_m = [made.scene.objects[one.id].extent_m[1] for one in room.things]
+    assert (min(widths_m) == pytest.approx(0.9)) is is_given
+
+
 @given(st.floats(-math.pi, math.pi), st.floats(-0.9, 0.9), st.integers(1, len(YIELDS) - 1))
 def test_what_yields_is_a_share_of_its_first_fit_with_its_front_and_height(yaw: float, at: float, number: int) -> None:
     alone = replace(shape("generic_box", (0.5, 0.3, 0.4), yaw_rad=yaw), x_m=2.0, y_m=at, bottom_m=0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -118,6 +119,19 @@ def test_a_pose_goes_to_where_its_outline_fills_its_box() -> None:
     assert problem.pose(0).size_m == pytest.approx(CARTON.size_m)
     problem.solve([0], 12)
     assert problem.pose(0).y_m == pytest.approx(CARTON.y_m, abs=0.03)
+
+
+def test_a_step_far_off_is_no_overflow() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    table, bowl = (Piece(box, thing.entry, on) for box, thing, on in zip(boxes, (TABLE, BOWL), (FLOOR, 0), strict=True))
+    problem = Jointly(flat(seen), [table, bowl])
+    for index, guess in enumerate((TABLE, BOWL)):
+        problem.put(index, guess)
+    problem.X[0, 3:] = 800.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.isfinite(problem.spread_m(1)).all()
+        assert max(problem.pose(0).size_m) < 25.0
 
 
 def test_what_the_border_cuts_has_a_less_certain_place() -> None:
