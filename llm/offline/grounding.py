@@ -465,17 +465,27 @@ class Grounding:
             problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
             bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
             raise Refusal("wrong-place", f"{problem}, as viewed from the robot's start", scene=bearings)
-        there = [[s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key)] for key in ids]
-        # "The cup on the table" stands on it; one in a box on the table is meant where no other is.
-        for depth in (1, None):
-            fitting = tuple(key for key, steps in zip(ids, there, strict=True) if any(steps[:depth]))
-            if fitting:
-                return fitting, notes
+        if fitting := self._at_one_of(ids, supports, place):
+            return fitting, notes
+        # "The apple in the desk", of two desks without drawers and a desk with drawers, is in the latter.
+        less = named.passed_over if supports == named.ids else ()
+        if (fitting := self._at_one_of(ids, less, place)) and len(ids) == 1:
+            holder = next(step.object_id for step in self.around.chain(fitting[0]) if step.object_id in less)
+            return fitting, (*notes, f'"{named.name}" fits {alternatives(supports)} better, but {holder} has it')
         raise Refusal(
             "wrong-place",
             f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
             f"{alternatives(supports)}: {self._stands(ids)}",
         )
+
+    def _at_one_of(self, ids: tuple[str, ...], supports: tuple[str, ...], place: Location) -> tuple[str, ...]:
+        """Return the objects that are at one of some supports; those within others only where no other is."""
+        there = [[s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key)] for key in ids]
+        # "The cup on the table" stands on it; one in a box on the table is meant where no other is.
+        for depth in (1, None):
+            if fitting := tuple(key for key, steps in zip(ids, there, strict=True) if any(steps[:depth])):
+                return fitting
+        return ()
 
     def _said_again(self, phrase: NounPhrase, named: Named) -> Location | None:
         """Return where "the bottle in the fridge that is in the fridge" is said to be again, by either name.

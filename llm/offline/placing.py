@@ -93,18 +93,24 @@ class Placing(Housekeeping):
         if destination.hollow and can.interior:
             return "inside"  # "To the top drawer of the cabinet".
         if can.interior and can.surface:
-            return self._usual_side(place, destination)
+            return self._usual_side(place, targets, destination)
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
 
-    def _usual_side(self, place: Location, destination: Grounded) -> Relation:
+    def _usual_side(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Return what "to" means of a place with an interior and a top, with a note.
 
         What opens by drawers alone has a top to put things on, and people name the drawer otherwise. All else keeps
-        things: of 700 sentences of ALFRED 7 say "to the cabinet", and in all 7 something is put into it.
+        things: of 700 sentences of ALFRED 7 say "to the cabinet", and in all 7 something is put into it. What is on it
+        or in it has no way to it.
         """
         where = destination.object_id
+        there = {
+            step.relation for key in targets for step in self.grounding.around.supports(key) if step.object_id == where
+        }
+        if len(there) == 1:
+            return there.pop()
         entry = self.grounding.names.entries[self.grounding.around.scene.objects[where].category]
         if entry is not None and entry.affordances.fronts == {"drawer"}:
             self.notes.append(f'"{place.preposition} {where}" is taken for on top of it; "into" is into a drawer of it')

@@ -8,7 +8,7 @@ Source: the paper's Semantic Expansion; G is a departure (docs/semantics.md).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
 
@@ -213,10 +213,24 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
         note = f"where {request.intents[0].target} is tells which one is meant, and not where it shall be"
         return request, (*notes, note)
     if found and not undecided:
+        found = _without_detours(found)
         if len(found) == 1:
             return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
+
+
+def _without_detours(found: Mapping[Request, tuple[str, ...]]) -> dict[Request, tuple[str, ...]]:
+    """Return requests without those that end like another one, and put things down in more places on the way.
+
+    "Take the cup on the cabinet off the cabinet and put it on the oven" puts nothing onto the cabinet.
+    """
+    ends = {request: {intent.target: intent for intent in request.intents} for request in found}
+    return {
+        request: notes
+        for request, notes in found.items()
+        if not any(ends[other] == ends[request] and len(other.intents) < len(request.intents) for other in found)
+    }
 
 
 def _is_decided(refusal: Refusal, found: Collection[Request], sources: Collection[str]) -> bool:

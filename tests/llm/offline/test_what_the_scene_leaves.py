@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import llm
+import oag
 from oag import Scene
 from tests.llm.kitchens import SCENES, conjuncts, noted
 
@@ -164,6 +165,40 @@ def test_all_of_a_name_are_put_away_from_where_they_are(query: str) -> None:
     )
     assert "(inside apple_0 refrigerator_0)" in _outcome(query, scene)
     assert not any("mug_0" in literal for literal in _outcome(query, scene))
+
+
+DESKS = oag.scene(
+    {
+        "desk_0": "desk",
+        "desk_1": "desk_with_drawers",
+        "nightstand_0": "nightstand",
+        "apple_0": "apple",
+        "cup_0": "cup",
+        "cup_1": "cup",
+    },
+    ["(inside apple_0 desk_1)", "(ontop cup_0 desk_0)", "(ontop cup_1 nightstand_0)"],
+    closed="all",
+)
+
+
+@pytest.mark.parametrize(
+    ("query", "wanted"),
+    [
+        ("take the apple out of the desk", {"(inside apple_0 gripper)"}),
+        ("pick up the apple on the desk", "wrong-place"),
+        ("take the apple out of the nightstand", "wrong-place"),
+    ],
+)
+def test_a_holder_that_a_name_fits_less_well_is_meant_where_it_alone_has_the_thing(
+    query: str, wanted: set[str] | str
+) -> None:
+    assert _outcome(query, DESKS) == wanted
+
+
+def test_what_is_taken_off_its_place_is_not_put_there_first() -> None:
+    query = "take the cup on the desk off the desk and put it on the nightstand"
+    task = llm.propose(query, DESKS).task
+    assert conjuncts(task.goal) == {"(ontop cup_0 nightstand_0)"} and len(task.subtasks) == 2
 
 
 def test_seats_take_things_where_nothing_else_does() -> None:
