@@ -53,13 +53,15 @@ def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequen
 def feet_on_boards(view: Observation, things: Sequence[Detection], on: Sequence[int]) -> dict[int, dict[int, float]]:
     """Return by piece with boards the height of the board below each thing on it: the mean of what ends there.
 
+    What is before a hutch ends in its box too, but mostly on the desk that both are on.
+
     Args:
         view: The picture, with depth.
         things: The boxes.
         on: The apparent support of each of them.
     """
     found: dict[int, dict[int, float]] = {}
-    for index in sorted({below for below in on if below >= 0}):
+    for index in sorted({below for below in on if below >= 0 and on[below] < 0}):
         if not has_boards(things[index].category or plain_name(things[index].label) or ""):
             continue
         feet = {one: view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index}

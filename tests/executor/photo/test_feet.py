@@ -14,7 +14,7 @@ from executor.photo.fitting.likelihood import FOOT_USUAL, Fit, feet_cost
 from executor.photo.inputs.annotations import FLOOR, Detection
 from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
-from executor.photo.room.feet import apparent_supports, feet_on_furniture
+from executor.photo.room.feet import apparent_supports, feet_on_boards, feet_on_furniture
 from executor.photo.room.reconstruct import reconstruct
 from tests.executor.photo.test_fit import seen_from_above
 
@@ -112,6 +112,13 @@ def test_a_shelf_has_boards_where_things_on_it_end_unless_a_model_has_them_there
     settled, _ = resolve_overlaps(room.guesses, (), on=room.on, fills=room.fills)
     ends_m = [settled[thing.id].bottom_m for thing in room.things[1:]]
     assert ends_m == pytest.approx([one.bottom_m for one in cans], abs=0.04)
+    # Near misses: a shelf that is on a desk itself, and what has no boards.
+    ends_in = [FLOOR, 0, 0, 0]
+    assert feet_on_boards(seen, [box, *boxes], ends_in)[0] == pytest.approx(
+        {number: one.bottom_m for number, one in enumerate(cans, start=1)}, abs=0.03
+    )
+    assert feet_on_boards(seen, [box, *boxes], [3, 0, 0, FLOOR]) == {}
+    assert feet_on_boards(seen, [replace(box, label="desk", category="desk"), *boxes], ends_in) == {}
 
 
 def test_a_foot_is_where_a_box_ends() -> None:
