@@ -77,7 +77,7 @@ def generic_models(detection: Detection) -> list[ModelEntry]:
     hollow by its name, such as a sink, is an open box or cylinder, and only that is. A laptop is open or shut.
     """
     category = plain_name(detection.label) or THING
-    # A panel on a stand and a shelf are for what boxes alone tell of: depth shows more.
+    # A panel on a stand is for what boxes alone tell of: depth shows more. What is on a shelf tells of its boards.
     entries = [replace(one, category=category) for one in GENERIC.values() if one.model not in (PANEL, SHELF)]
     if is_hollow(detection.label):
         kept = {"generic_open_box", "generic_open_cylinder"}

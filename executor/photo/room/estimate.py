@@ -199,6 +199,7 @@ class RoomEstimate:
         scale_share: Relative uncertainty of the picture's scale, without depth.
         feet_m: index of furniture -> (N, 3) where things on it touch its top, where they hide that.
         apparent_on: With depth, the apparent support of each box in the picture: another one, FLOOR or WALL.
+        boards_m: index of a piece with boards -> index of each thing on it -> the height of its board, where it ends.
     """
 
     def __init__(
@@ -209,9 +210,10 @@ class RoomEstimate:
         scale_share: float,
         feet_m: Mapping[int, Array] = MappingProxyType({}),
         apparent_on: Sequence[int] = (),
+        boards_m: Mapping[int, Mapping[int, float]] = MappingProxyType({}),
     ) -> None:
         self.observation, self.detections, self.scale_share = observation, tuple(detections), scale_share
-        self.feet_m, self.apparent_on = feet_m, apparent_on
+        self.feet_m, self.apparent_on, self.boards_m = feet_m, apparent_on, boards_m
         self.fits: dict[int, Fit] = {}
         self.lost: dict[int, LostCause] = {}
         self.on: dict[int, int] = {}
@@ -328,12 +330,13 @@ class RoomEstimate:
         """
         if detection.on == FLOOR:
             return [0.0]
-        support = None if detection.on is None else self.fits.get(detection.on)
+        on = self.on.get(self._index_of(detection)) if detection.on is None else detection.on
+        support = None if on is None else self.fits.get(on)
         tops = list(tops_of(fit.guess for index, fit in self.fits.items() if self._ends_on(detection, index)))
         if len(points) < LEAST_POINTS:
             points = self.observation.points_m[detection.pixels(self.observation.size_px) & self.observation.measured]
         if len(points) >= LEAST_POINTS:
-            # Where a person or a model says what it stands on, only its tops count.
+            # Where a person, a model or boards that are measured say what it stands on, only its tops count.
             low_m = float(np.percentile(points[:, 2], 5.0))
             given = [top.height_m for top in tops if support is not None and top.of is support.guess]
             if given:
@@ -358,13 +361,16 @@ class RoomEstimate:
             detection: The thing.
             low_m: The height of its lower end.
         """
-        index = next((one for one, other in enumerate(self.detections) if other is detection), -1)
+        index = self._index_of(detection)
         below = self.apparent_on[index] if 0 <= index < len(self.apparent_on) else FLOOR
         if below not in self.fits or not is_piece(self.detections[below]):
             return None
         tops = [round(top.height_m, 4) for top in tops_of([self.fits[below].guess])]
         near = [height for height in tops if abs(height - low_m) < NEAR_TOP_M]
         return min(near, key=lambda height: abs(height - low_m), default=None)
+
+    def _index_of(self, detection: Detection) -> int:
+        return next((one for one, other in enumerate(self.detections) if other is detection), -1)
 
     def _ends_on(self, detection: Detection, index: int) -> bool:
         """Return whether a box ends where another thing is in the picture; furniture may be hidden below it."""

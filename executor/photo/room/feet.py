@@ -16,6 +16,7 @@ from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection, plain_name
 from executor.photo.room.beneath import supports_of
 from executor.photo.room.estimate import is_piece
+from executor.photo.room.pieces import boards_of
 from oag.model.symbols import has_boards
 
 _ALIKE_M = 0.06  # Between the heights of things on one top.
@@ -46,6 +47,32 @@ def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequen
         alike = np.abs(known[:, 2] - np.median(known[:, 2])) < _ALIKE_M if len(known) else np.zeros(0, dtype=bool)
         if alike.sum() >= _LEAST and not _is_seen(view, things, index, float(np.median(known[alike, 2]))):
             found[index] = known[alike]
+    return found
+
+
+def feet_on_boards(view: Observation, things: Sequence[Detection], on: Sequence[int]) -> dict[int, dict[int, float]]:
+    """Return by piece with boards the height of the board below each thing on it: the mean of what ends there.
+
+    What is before a hutch ends in its box too, but mostly on the desk that both are on.
+
+    Args:
+        view: The picture, with depth.
+        things: The boxes.
+        on: The apparent support of each of them.
+    """
+    found: dict[int, dict[int, float]] = {}
+    for index in sorted({below for below in on if below >= 0 and on[below] < 0}):
+        if not has_boards(things[index].category or plain_name(things[index].label) or ""):
+            continue
+        feet = {one: view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index}
+        ends_m = {one: float(foot[2]) for one, foot in feet.items() if foot is not None}
+        boards = boards_of(ends_m, _ALIKE_M)
+        means_m = {
+            board: float(np.mean([ends_m[one] for one, own in boards.items() if own == board]))
+            for board in {*boards.values()}
+        }
+        if boards:
+            found[index] = {one: means_m[board] for one, board in boards.items()}
     return found
 
 

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from executor.assets.families.generic import THING
+import numpy as np
+
+from executor.assets.families.generic import BOARDS, GENERIC, SHELF, THING
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
 from executor.photo.errors import LostCause
@@ -22,7 +24,8 @@ from executor.photo.fitting.starts import LEAST_POINTS, generic_models, named_mo
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import WALL, Detection, plain_name
 from executor.photo.inputs.usual import is_hollow, is_mostly_open, is_unlidded
-from executor.photo.room.estimate import RoomEstimate
+from executor.photo.room.beneath import COMPARTMENTS
+from executor.photo.room.estimate import RoomEstimate, tops_of
 from executor.photo.room.hanging import hung
 from executor.photo.room.outlined import fit_by_box
 from oag.model.symbols import has_boards, is_known
@@ -33,6 +36,7 @@ LEAST_IN_BOX = 0.5
 _FLAT, _LEAST_HOLLOW_M = 0.25, 0.03
 """Least height of an open box by its narrower side, and that side: else it is a magazine, a plate or a pen."""
 
+_BOARD_OFF_M = 0.05  # Between where a thing ends and the board that it is on.
 _AS_GOOD = 1.1  # Times the cost of a closed box: so little tells nothing of its top.
 _LEAST_EXPLAINED = 0.25  # Of the residual pixels of a box: a fit that explains fewer is wrong.
 
@@ -64,7 +68,8 @@ class RoomFitter:
             return room.add_fit(index, as_named(on_wall, detection))
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
-            return room.add_fit(index, as_named(update_fit(around, detection.box_px, before), detection))
+            updated = as_named(update_fit(around, detection.box_px, before), detection)
+            return room.add_fit(index, self._on_boards(index, updated))
         best: tuple[bool, Fit] | None = None
         for one in self._fits(index, bottoms_m, hidden_by):
             found = as_named(one, detection)
@@ -80,6 +85,8 @@ class RoomFitter:
                 break
         if best is None and (last := self._hung(index, around)) is not None:
             best = False, as_named(last, detection)
+        if best is not None and self._lacks_boards(index, best[1]):
+            best = best[0], self._with_boards(index, best[1], around, bottoms_m)
         return room.add_fit(index, None if best is None else best[1])
 
     def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
@@ -131,6 +138,37 @@ class RoomFitter:
         by_box = fit_by_box(room, index, bottoms_m, rough=rough)
         if by_box is not None:
             yield by_box
+
+    def _lacks_boards(self, index: int, found: Fit) -> bool:
+        """Return whether a thing on a fit ends where that has no board."""
+        tops_m = np.array([top.height_m for top in tops_of([found.guess])])
+        levels_m = np.array([*self.room.boards_m.get(index, {}).values()])
+        return bool((np.abs(levels_m[:, None] - tops_m).min(axis=1, initial=math.inf) > _BOARD_OFF_M).any())
+
+    def _with_boards(self, index: int, found: Fit, around: SearchContext, bottoms_m: Sequence[float] | None) -> Fit:
+        """Return a fit of a shelf with boards where what is on them ends; what is wide and low stays as it is."""
+        room, detection = self.room, self.room.detections[index]
+        # By the name of the library's it is furniture, however thin it is.
+        entry = replace(GENERIC[SHELF], category=named_models(detection)[0].category)
+        points = room.points(detection, around)
+        bottoms_m = bottoms_m or [found.guess.bottom_m]
+        shelf = fit_thing(around, detection.box_px, [entry], bottoms_m, points) if len(points) >= LEAST_POINTS else None
+        if shelf is None or shelf.guess.size_m[2] < COMPARTMENTS * shelf.guess.size_m[1]:
+            return found
+        shelf = self._on_boards(index, shelf)
+        return self._on_boards(index, as_named(update_fit(around, detection.box_px, shelf), detection))
+
+    def _on_boards(self, index: int, found: Fit) -> Fit:
+        """Return a fit of a shelf with its boards at their heights, whatever its own height is, and things on it."""
+        guess, on_it = found.guess, self.room.boards_m.get(index, {})
+        if guess.entry.model != SHELF:
+            return found
+        self.room.on.update(dict.fromkeys(on_it, index))
+        levels_m = zip(BOARDS, sorted({*on_it.values()}), strict=False)
+        shares = {
+            board.name: min(max((level_m - guess.bottom_m) / guess.size_m[2], 0.0), 1.0) for board, level_m in levels_m
+        }
+        return replace(found, guess=guess.with_parameters(**shares))
 
     def _hung(self, index: int, around: SearchContext) -> Fit | None:
         """Return a fit of what no ray meets a support below; what only stands on the floor is lost."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -127,18 +127,27 @@ def on_boards(view: Observation, pieces: Sequence[Piece]) -> list[Piece]:
             continue
         highest = 0.0 if top < BORDER_SHARE * view.size_px[1] else top + _TOP_SHARE * (bottom - top)
         within = [one for one in within if pieces[one].thing.box_px[3] > highest]
-        within.sort(key=lambda one: pieces[one].thing.box_px[3])
-        boards, last_px, same_px = dict[int, int](), -math.inf, _SAME_BOARD * (bottom - top)
-        for one in within:
-            end_px = pieces[one].thing.box_px[3]
-            boards[one] = max(boards.values(), default=-1) + int(end_px > last_px + same_px)
-            last_px = end_px
-        if not boards or max(boards.values()) >= len(BOARDS):
+        boards = boards_of({one: pieces[one].thing.box_px[3] for one in within}, _SAME_BOARD * (bottom - top))
+        if not boards:
             continue
         for one, board in boards.items():
             found[one] = replace(found[one], board=board, region=_WHOLE)
         found[number] = replace(shelf, entry=replace(GENERIC[SHELF], category=shelf.entry.category))
     return found
+
+
+def boards_of(ends: Mapping[int, float], same: float) -> dict[int, int]:
+    """Return the number of the board of each thing, those with the least end first; none beyond what a shelf can have.
+
+    Args:
+        ends: Thing -> where it ends.
+        same: Most that is between an end and the next one on the same board.
+    """
+    boards, last = dict[int, int](), -math.inf
+    for one, end in sorted(ends.items(), key=lambda item: item[1]):
+        boards[one] = max(boards.values(), default=-1) + int(end > last + same)
+        last = end
+    return boards if max(boards.values(), default=0) < len(BOARDS) else {}
 
 
 def modelled(view: Observation, thing: Detection, guess: PoseHypothesis) -> PoseHypothesis:

@@ -19,7 +19,7 @@ from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.blind import fit_without_depth
 from executor.photo.room.estimate import RoomEstimate
-from executor.photo.room.feet import apparent_supports, feet_on_furniture
+from executor.photo.room.feet import apparent_supports, feet_on_boards, feet_on_furniture
 from executor.photo.room.fitter import RoomFitter
 from executor.photo.room.jointly import Jointly
 from executor.photo.separation import Fill
@@ -169,7 +169,8 @@ class _Reconstruction:
     ) -> None:
         on = apparent_supports(observation, detections) if observation.has_depth else []
         feet_m = feet_on_furniture(observation, detections, on)
-        self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on)
+        boards_m = feet_on_boards(observation, detections, on)
+        self._new = partial(RoomEstimate, observation, walls, detections, scale_share, feet_m, on, boards_m)
         self._on_progress, self._found = on_progress, dict(kept)
         self._room = self._new()
         self._begun: Jointly | None = None

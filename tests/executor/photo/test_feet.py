@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.assets.families.generic import GENERIC
+from executor.assets.families.generic import GENERIC, SHELF
 from executor.assets.library import LIBRARY
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import FOOT_USUAL, Fit, feet_cost
 from executor.photo.inputs.annotations import FLOOR, Detection
+from executor.photo.overlaps import resolve_overlaps
 from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
-from executor.photo.room.feet import apparent_supports, feet_on_furniture
+from executor.photo.room.feet import apparent_supports, feet_on_boards, feet_on_furniture
+from executor.photo.room.reconstruct import reconstruct
 from tests.executor.photo.test_fit import seen_from_above
 
 BOX = GENERIC["generic_box"]
@@ -87,6 +89,36 @@ def test_what_hangs_over_the_edge_of_a_top_at_its_height_is_on_it() -> None:
     elsewhere = RoomEstimate(seen, (), things, 0.0, {}, [FLOOR, FLOOR])
     elsewhere.add_fit(0, fit_of(DESK))
     assert elsewhere.heights_m(things[1], points) == pytest.approx([low_m], abs=1e-4)
+
+
+THIN = PoseHypothesis(LIBRARY["shelf_open"], 2.2, 0.0, 0.0, 0.0, (0.28, 0.8, 1.2), (("boards", 2),))
+ODD = replace(THIN, entry=replace(GENERIC[SHELF], category="shelf"), parameters=()).with_parameters(
+    board_0_share=0.25, board_1_share=0.7
+)
+
+
+@pytest.mark.parametrize(("shelf", "model"), [(ODD, SHELF), (THIN, "shelf_open")])
+def test_a_shelf_has_boards_where_things_on_it_end_unless_a_model_has_them_there(
+    shelf: PoseHypothesis, model: str
+) -> None:
+    _, *levels_m = sorted({round(top.height_m, 4) for top in tops_of([shelf])})[:3]
+    can = PoseHypothesis(LIBRARY["can"], 2.12, 0.0, 0.0, 0.0, (0.066, 0.066, 0.12))
+    cans = [replace(can, y_m=y_m, bottom_m=levels_m[row]) for y_m, row in ((-0.2, 0), (0.2, 0), (0.05, 1))]
+    seen, (box, *boxes) = seen_from_above(shelf, *cans)
+    room = reconstruct(seen, [replace(box, label="bookshelf"), *boxes], ())
+    assert room.things[0].fit.guess.entry.model == model
+    tops_m = [top.height_m for top in tops_of([room.things[0].fit.guess])]
+    assert all(min(abs(top_m - level_m) for top_m in tops_m) < 0.04 for level_m in levels_m)
+    settled, _ = resolve_overlaps(room.guesses, (), on=room.on, fills=room.fills)
+    ends_m = [settled[thing.id].bottom_m for thing in room.things[1:]]
+    assert ends_m == pytest.approx([one.bottom_m for one in cans], abs=0.04)
+    # Near misses: a shelf that is on a desk itself, and what has no boards.
+    ends_in = [FLOOR, 0, 0, 0]
+    assert feet_on_boards(seen, [box, *boxes], ends_in)[0] == pytest.approx(
+        {number: one.bottom_m for number, one in enumerate(cans, start=1)}, abs=0.03
+    )
+    assert feet_on_boards(seen, [box, *boxes], [3, 0, 0, FLOOR]) == {}
+    assert feet_on_boards(seen, [replace(box, label="desk", category="desk"), *boxes], ends_in) == {}
 
 
 def test_a_foot_is_where_a_box_ends() -> None:
