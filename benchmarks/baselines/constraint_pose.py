@@ -29,8 +29,8 @@ from executor.assets.asset_geometry import bounds
 from executor.assets.model import Region
 from executor.geometry import Array, heading_of, rotation_z, transform, wrap_angle
 from executor.planning.articulation import Swing, end_fractions, handle_contacts, interval
-from executor.planning.articulation_stances import handles_to_close, handles_to_open
 from executor.planning.grasps import handle_goals, heading_of_hand, item_goals, rim_goals
+from executor.planning.openings import handles_to_close, handles_to_open
 from executor.planning.paths import base_move
 from executor.planning.picks import Lift
 from executor.planning.planner import undo_moves

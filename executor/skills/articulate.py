@@ -19,13 +19,11 @@ from executor.planning.articulation import (
 from executor.planning.articulation_stances import (
     articulation_stances,
     explain_failure,
-    handle_of,
-    handles_to_close,
     motion_from_grasp,
-    open_joints,
     tracked_path,
 )
 from executor.planning.collision import NOTHING
+from executor.planning.openings import handle_of, handles_to_close, open_joints
 from executor.records import Failure, FailureKind
 from executor.skills.control import Monitor
 from executor.skills.grasp import approach, converge, grasp, handle_in_use, ungrasp

@@ -13,10 +13,10 @@ import numpy as np
 from executor.assets.model import Handle
 from executor.geometry import Array, inverse, rotation_z
 from executor.planning.articulation import handle_contacts
-from executor.planning.articulation_stances import gripped_handle
 from executor.planning.cargo import cargo_of, touching_any
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.drives import drive_to
+from executor.planning.openings import gripped_handle
 from executor.planning.picks import in_the_way
 from executor.planning.planner import BASE_HEADINGS_RAD
 from executor.records import Failure, FailureKind

@@ -19,18 +19,17 @@ from bddl import atoms
 from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, heading_of, wrap_angle
 from executor.planning.articulation import ArticulationTask
-from executor.planning.articulation_stances import (
+from executor.planning.articulation_stances import articulation_stances, explain_failure
+from executor.planning.collision import NOTHING
+from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
+from executor.planning.openings import (
     Purpose,
-    articulation_stances,
-    explain_failure,
     first_item_put_inside,
     handles_to_close,
     handles_to_open,
     open_joints,
 )
-from executor.planning.collision import NOTHING
-from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
-from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
 from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
@@ -41,7 +40,8 @@ from executor.planning.picks import (
     explain_rim_failure,
     in_the_way,
 )
-from executor.planning.place_search import PlacementLookahead, PlacePlan, PlaceSearch
+from executor.planning.place_lookahead import PlacementLookahead
+from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from executor.geometry import Array, heading_of
-from executor.planning.articulation_stances import open_joints
 from executor.planning.cargo import is_outside
 from executor.planning.drives import leads_straight_home
+from executor.planning.openings import open_joints
 from executor.skills.session import Session
 
 MOST_STUCK = 5

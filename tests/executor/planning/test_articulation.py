@@ -28,16 +28,10 @@ from executor.planning.articulation import (
     interval,
     smaller_fractions,
 )
-from executor.planning.articulation_stances import (
-    explain_failure,
-    handles_to_close,
-    handles_to_open,
-    open_joints,
-    rigid_stances,
-    tracked_stances,
-)
+from executor.planning.articulation_stances import explain_failure, rigid_stances, tracked_stances
 from executor.planning.collision import CollisionOracle
 from executor.planning.grasps import panel_of, tilted_goals
+from executor.planning.openings import handles_to_close, handles_to_open, open_joints
 from executor.planning.planner import Planner
 from executor.records import FailureKind
 from executor.sim.world import World

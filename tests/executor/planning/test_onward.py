@@ -12,7 +12,7 @@ from executor.assets.library import sample
 from executor.geometry import pitch_of
 from executor.planning.collision import CollisionOracle
 from executor.planning.grasps import item_goals
-from executor.planning.place_search import LOOKED_AT, PlacementLookahead
+from executor.planning.place_lookahead import LOOKED_AT, PlacementLookahead
 from executor.planning.planner import Planner
 from executor.planning.stances import HandGoal
 from executor.sim.world import World

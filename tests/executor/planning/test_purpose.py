@@ -13,10 +13,11 @@ from bddl import And, Atom
 from executor.assets.library import sample
 from executor.assets.model import Handle
 from executor.geometry import inverse
-from executor.planning.articulation_stances import OPENING, Purpose, articulation_stances, first_item_put_inside
+from executor.planning.articulation_stances import OPENING, articulation_stances
 from executor.planning.cargo import Carried
 from executor.planning.collision import CollisionOracle
 from executor.planning.grasps import item_goals
+from executor.planning.openings import Purpose, first_item_put_inside
 from executor.planning.place_search import PlaceSearch
 from executor.planning.planner import Planner
 from executor.records import FailureKind

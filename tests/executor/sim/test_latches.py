@@ -8,7 +8,7 @@ import pytest
 
 from bddl import Atom
 from executor.assets.families import controls
-from executor.planning.articulation_stances import open_joints
+from executor.planning.openings import open_joints
 from executor.sim.detectors import read
 from executor.sim.world import World
 from tests.executor.appliances import appliance
