@@ -163,7 +163,7 @@ def _constrained_stance(session: Session) -> Stance[Any] | Failure:
         handle = (handles_to_open(world, target, session.later) if opens else handles_to_close(world, target))[0]
         joint = asset.joint(handle.joint)
         now = joint.fraction(world.joint_position(target, joint.name))
-        followup: Swing | Lift = Swing(end_fractions(action, joint, now)[0], handle)
+        followup: Swing | Lift = Swing(end_fractions(session.planner.robot, action, joint, now)[0], handle)
         goals = handle_goals(handle, world.T_world_link(target, handle.link))[:1]
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset, session.gripper)) is not None:
