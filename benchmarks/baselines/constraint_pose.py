@@ -113,7 +113,7 @@ def stroke(session: Session, action: Action) -> StepResult:
         joint=joint.name,
         motion="stroke",
         fraction_before=round(before, 4),
-        fraction_asked=round(end_fractions(action, joint, before)[0], 4),
+        fraction_asked=round(end_fractions(session.planner.robot, action, joint, before)[0], 4),
         fraction_reached=round(reached, 4),
         joint_reached=round(position, 4),
     )
