@@ -123,8 +123,8 @@ class Cell:
         """
         if self.series.setting.model is None:
             return None
-        told = [bool(result["proved"]) for result in self.results if "proved" in result]
-        return Rate(sum(told), len(told))
+        verdicts = [bool(result["proved"]) for result in self.results if "proved" in result]
+        return Rate(sum(verdicts), len(verdicts))
 
     @property
     def model(self) -> dict[str, object] | None:

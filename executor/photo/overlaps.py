@@ -362,8 +362,8 @@ def _on_its_top(
             if on_item and min(guess.size_m[:2]) > 2 * min(half):
                 # On a plate, what is wider than its hollow rests on the rim.
                 level_m = other.bottom_m + other.size_m[2]
-            beside = on_item and not is_known and level_m > guess.bottom_m + guess.size_m[2] / 2
-            if beside or abs(level_m - guess.bottom_m) > same_height_m:
+            stands_aside = on_item and not is_known and level_m > guess.bottom_m + guess.size_m[2] / 2
+            if stands_aside or abs(level_m - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])

@@ -31,8 +31,8 @@ class Mention:
     @property
     def places(self) -> tuple[str, ...]:
         """Destinations, what things are put next to, and the source."""
-        beside = (intent.where.other or None if intent.where else None for intent in self.intents)
-        named = (*(intent.destination for intent in self.intents), *beside, self.source)
+        neighbours = (intent.where.other or None if intent.where else None for intent in self.intents)
+        named = (*(intent.destination for intent in self.intents), *neighbours, self.source)
         return tuple(dict.fromkeys(key for key in named if key is not None))
 
 
@@ -161,12 +161,12 @@ def _paired(reading: Reading, grounding: Grounding) -> Reading:
             named = replace(command.objects[0], words=("other", *before[-1].words))
             command = replace(command, objects=(named, *command.objects[1:]))
         commands.append(command)
-    told = [phrase.words for command in commands for phrase in command.objects]
+    named_before = [phrase.words for command in commands for phrase in command.objects]
     for index, command in enumerate(commands):
         if len(command.objects) == 1 and command.objects[0].definite and "other" not in command.objects[0].words:
             phrase = command.objects[0]
-            later = told[sum(len(one.objects) for one in commands[: index + 1]) :]
-            told_apart = ("other", *phrase.words) in later and command.kind == "place"
-            if told_apart and grounding.are_alike(phrase):
+            later = named_before[sum(len(one.objects) for one in commands[: index + 1]) :]
+            distinguished = ("other", *phrase.words) in later and command.kind == "place"
+            if distinguished and grounding.are_alike(phrase):
                 commands[index] = replace(command, objects=(replace(phrase, whichever=True),))
     return tuple(commands)

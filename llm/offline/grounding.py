@@ -451,13 +451,13 @@ class Grounding:
             return self._found_at_either(ids, place, place.other)
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase, named_only=True)
-        said: tuple[str, ...] = ()
-        if (again := self._said_again(phrase, named)) is not None:
-            ids, said = self._found_at(ids, again)
+        repeated: tuple[str, ...] = ()
+        if (again := self._repeated(phrase, named)) is not None:
+            ids, repeated = self._found_at(ids, again)
             phrase = replace(phrase, location=None)
         supports, notes = self._narrowed(named, phrase, None)
         supports, more = self._on_side(supports, phrase)
-        notes = (*said, *named.notes, *self._unconfirmed(named, supports), *more, *notes)
+        notes = (*repeated, *named.notes, *self._unconfirmed(named, supports), *more, *notes)
         if place.direction in REFERENCE_DIRECTIONS:
             fitting = referenced(ids, place.direction, supports, self.around.scene)
             if fitting:
@@ -487,7 +487,7 @@ class Grounding:
                 return fitting
         return ()
 
-    def _said_again(self, phrase: NounPhrase, named: Named) -> Location | None:
+    def _repeated(self, phrase: NounPhrase, named: Named) -> Location | None:
         """Return where "the bottle in the fridge that is in the fridge" is said to be again, by either name.
 
         A box can be in a box: where one of the named is at the repeated place, that is meant.

@@ -352,7 +352,7 @@ def fronts_in(name: str) -> frozenset[Front]:
     return frozenset(front for front in FRONTS if words & {front, f"{front}s"})
 
 
-def doors_told_apart(model: str) -> frozenset[str] | None:
+def distinct_doors(model: str) -> frozenset[str] | None:
     """Return the words that tell the doors of a model apart, as its name says; None where it does not say.
 
     A pair of doors is beside each other, a freezer's door is above or below the other one, and "one_door" is alone.

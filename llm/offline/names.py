@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Self, get_args
 
 import bddl
-from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives, doors_told_apart
+from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives, distinct_doors
 from llm.offline.lexicon import Category, Lexicon, names_of, short_names
 from llm.offline.reader import NounPhrase
 from llm.offline.viewpoint import COLORS, LEVELS, SIZES, stated_colors
@@ -224,8 +224,8 @@ class Names:
         fronts, front = self.affordances[key].fronts, phrase.front
         if front is not None and fronts and front not in fronts:
             return False
-        part, told_apart = _part(phrase, self._which_part(phrase)), doors_told_apart(self.scene.objects[key].model)
-        return part is None or part.part != "door" or told_apart is None or part.which in told_apart
+        part, distinct = _part(phrase, self._which_part(phrase)), distinct_doors(self.scene.objects[key].model)
+        return part is None or part.part != "door" or distinct is None or part.which in distinct
 
     def _which_part(self, phrase: NounPhrase) -> tuple[str, ...]:
         return (*((phrase.side,) if phrase.side else ()), *self.which(phrase.words[:-1]))

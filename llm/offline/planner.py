@@ -104,7 +104,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     words, features = grounding.names.without_features(words)
     tokens = grounding.names.with_own_nouns(words)
     try:
-        tokens, told = with_switchings(tokens, grounding)
+        tokens, dropped = with_switchings(tokens, grounding)
         request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, even if part of them is fulfilled.
@@ -121,7 +121,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
             suggestions=suggestions[:_MOST_SUGGESTIONS],
             among=refusal.among,
         ) from None
-    notes = [f'"{phrase}" changes nothing in the plan' for phrase in (*manner, *features, *told)]
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in (*manner, *features, *dropped)]
     notes += [*trusted, *_assumptions(request, around)]
     return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
 

@@ -213,12 +213,12 @@ class Referring(Placing):
         if not self.discourse.mentions and place.phrase.words == ("there",):
             raise Refusal("missing-place", "it does not say where to")
 
-        def is_beside(key: str) -> bool:
+        def may_have_neighbours(key: str) -> bool:
             return key not in targets and bool(self._hosts(key))
 
-        if place.direction in SPOTS and any(map(is_beside, self.discourse.spoken)):
+        if place.direction in SPOTS and any(map(may_have_neighbours, self.discourse.spoken)):
             # Nothing can be put next to what stands on nothing else.
-            return Grounded(self._spoken_of(place.phrase, is_beside))
+            return Grounded(self._spoken_of(place.phrase, may_have_neighbours))
         return Grounded(self._spoken_of(place.phrase, fits))
 
     def _ids(self, command: Command, source: Location | None = None) -> list[str]:

@@ -191,8 +191,8 @@ def feet_cost(guess: PoseHypothesis, feet_m: Array) -> float:
     c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
     x, y = feet_m[:, 0] - guess.x_m, feet_m[:, 1] - guess.y_m
     over = np.abs(c * x + s * y - ahead * length) - half_ahead * length
-    beside = np.abs(c * y - s * x - aside * width) - half_aside * width
-    off = np.square(np.maximum(over, 0.0)) + np.square(np.maximum(beside, 0.0))
+    outside = np.abs(c * y - s * x - aside * width) - half_aside * width
+    off = np.square(np.maximum(over, 0.0)) + np.square(np.maximum(outside, 0.0))
     up = (feet_m[:, 2] - guess.bottom_m - high * height) / _FOOT_HIGH_M
     return float(np.minimum(0.5 * (np.square(up) + off / _FOOT_ASIDE_M**2), _FOOT_MOST).sum())
 

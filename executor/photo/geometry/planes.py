@@ -212,7 +212,7 @@ def level_by_walls(depth: Depth, camera: Intrinsics, support_px: Box, others_px:
     """
     rays = camera.rays((depth.z_m.shape[1], depth.z_m.shape[0]))
     cells = _Cells.of(depth.z_m, rays, camera)
-    frame = _square_frame(cells.normals, None, is_level_seen=False)
+    frame = _square_frame(cells.normals, None, is_level_visible=False)
     if frame is None:
         return None
     faced = (np.abs(cells.normals @ frame[1:].T) > math.cos(_SQUARE_RAD)).mean(axis=0)
@@ -268,13 +268,13 @@ def _in_box(pixels: Array, box_px: Box) -> NDArray[np.bool_]:
     return np.asarray((pixels >= box_px[:2]).all(axis=1) & (pixels <= box_px[2:]).all(axis=1))
 
 
-def _square_frame(normals: Array, about: Array | None, *, is_level_seen: bool = True) -> Array | None:
+def _square_frame(normals: Array, about: Array | None, *, is_level_visible: bool = True) -> Array | None:
     """Return (3, 3) the square directions that most normals (N, 3) face, the first of them upwards; None without any.
 
     Args:
         normals: Of neighbourhoods.
         about: (3,) the vertical as people give it.
-        is_level_seen: Whether floors and tops tell which direction is upwards; else it is the nearest to the picture's.
+        is_level_visible: Whether floors and tops give the upward direction; else it is nearest to the picture's.
     """
     if len(normals) < _LEAST_CELLS:
         return None
@@ -298,7 +298,7 @@ def _square_frame(normals: Array, about: Array | None, *, is_level_seen: bool = 
         along = counted @ frame.T
         count = int((np.abs(along) > math.cos(_SQUARE_RAD)).sum())
         # Of what goes upwards in the picture, floors and tops face that way, and walls the other one.
-        level = (along > math.cos(_SQUARE_RAD)).sum(axis=0) if is_level_seen else frame @ upwards
+        level = (along > math.cos(_SQUARE_RAD)).sum(axis=0) if is_level_visible else frame @ upwards
         faced = np.where(frame @ upwards > least, level, 0)
         if count > most and faced.max() > 0:
             most, best = count, np.roll(frame, -int(faced.argmax()), axis=0)

@@ -343,8 +343,8 @@ class RoomEstimate:
                 return [min(given, key=lambda one: abs(one - low_m))]
             found = heights_under(points, tops, self.observation.foot_m(detection.box_px))
             is_known = found[0] == 0.0 or any(round(top.height_m, 4) == found[0] for top in tops)
-            if not is_known and (seen := self.top_below_m(detection, low_m)) is not None:
-                return [seen]
+            if not is_known and (visible_m := self.top_below_m(detection, low_m)) is not None:
+                return [visible_m]
             # Noise and what is behind it reach below a thing whose middle is over a piece of furniture.
             middle = np.median(points, axis=0)
             over = (top for top in tops if not is_item(top.of) and top.distance_m(middle[:2]) == 0.0)

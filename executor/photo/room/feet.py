@@ -45,7 +45,7 @@ def feet_on_furniture(view: Observation, things: Sequence[Detection], on: Sequen
         feet = [view.foot_m(things[one].box_px) for one, below in enumerate(on) if below == index]
         known = np.array([foot for foot in feet if foot is not None]).reshape(-1, 3)
         alike = np.abs(known[:, 2] - np.median(known[:, 2])) < _ALIKE_M if len(known) else np.zeros(0, dtype=bool)
-        if alike.sum() >= _LEAST and not _is_seen(view, things, index, float(np.median(known[alike, 2]))):
+        if alike.sum() >= _LEAST and not _is_visible(view, things, index, float(np.median(known[alike, 2]))):
             found[index] = known[alike]
     return found
 
@@ -76,7 +76,7 @@ def feet_on_boards(view: Observation, things: Sequence[Detection], on: Sequence[
     return found
 
 
-def _is_seen(view: Observation, things: Sequence[Detection], index: int, top_m: float) -> bool:
+def _is_visible(view: Observation, things: Sequence[Detection], index: int, top_m: float) -> bool:
     """Return whether a piece of furniture shows its top beside what is on it: then that tells more."""
     own = things[index].pixels(view.size_px) & view.measured
     for thing in things:

@@ -88,8 +88,8 @@ class Jointly:
         self._above = [[j for j in range(count) if self.pieces[j].on == i] for i in range(count)]
         self._known_pairs: dict[object, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         self._known_sights: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        self._ray = [self._sight(box) for box in self._box]
-        self._foot = [self._sight(box[[0, 3, 2, 3]])[1] for box in self._box]
+        self._ray = [self._ray_through(box) for box in self._box]
+        self._foot = [self._ray_through(box[[0, 3, 2, 3]])[1] for box in self._box]
         for index, piece in enumerate(pieces):
             self._hidden_low[index] |= piece.board is not None and self._foot[index] > 0.0
         # What is on a board with each piece, itself too.
@@ -112,7 +112,7 @@ class Jointly:
         carries = any(piece.on == index for piece in self.pieces)
         return _FACING_CARRIER if has_back and carries else _FACING
 
-    def _sight(self, box: Array) -> tuple[tuple[float, float], float]:
+    def _ray_through(self, box: Array) -> tuple[tuple[float, float], float]:
         """Return the heading (2,) of the view to the middle of a box, and its slope."""
         K, (x0, y0, x1, y1) = self.view.K, box
         pixel = np.array([((x0 + x1) / 2 - K.cx) / K.fx, ((y0 + y1) / 2 - K.cy) / K.fy, 1.0])
@@ -323,12 +323,12 @@ class Jointly:
         # On an item, and in a sink, all of a thing is within its top or its rim.
         is_top = self._large[on] and not is_hollow(self.pieces[on].thing.label)
         free = np.maximum(half - (_ON_TOP * reach + _EDGE_M if is_top else reach), 0.0)
-        beside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
+        outside = np.maximum(np.abs(local) - free, 0.0) / _ASIDE_M
         if piece.board is None:
-            return beside
+            return outside
         own_m, height_m = _sizes_m(X[[index, on], 5])
         above_m = float(bottoms[index] - bottoms[on] + own_m - height_m)
-        return np.append(beside, max(0.0, above_m) / _LEVEL_M)
+        return np.append(outside, max(0.0, above_m) / _LEVEL_M)
 
     def _solids(self, X: Array, bottoms: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return (N, 7) the solid parts of placed pieces: middle, half sides, lower end and turn; and whose (N,)."""
@@ -345,7 +345,7 @@ class Jointly:
             owners += [index] * len(parts)
         return np.concatenate(boxes), np.array(owners)
 
-    def _seen(self, X: Array, flat: Array, owner: NDArray[np.int64], rows: Sequence[int]) -> Array:
+    def _to_uncover(self, X: Array, flat: Array, owner: NDArray[np.int64], rows: Sequence[int]) -> Array:
         """Return how far pieces are to be moved that hide what is seen in their boxes: behind it, aside, up or down."""
         found = []
         for hidden, before in self._sights(tuple(rows)):
@@ -359,9 +359,9 @@ class Jointly:
             far = X[hidden, 0] * along_x + X[hidden, 1] * along_y
             away = parts[:, 0] * along_x + parts[:, 1] * along_y
             aside = np.abs(parts[:, 1] * along_x - parts[:, 0] * along_y)
-            sight = self.view.eye_m[2] + slope * np.clip(away, 0.0, max(far, 0.0))
+            ray_m = self.view.eye_m[2] + slope * np.clip(away, 0.0, max(far, 0.0))
             high = parts[:, 5] + 2 * parts[:, 4]
-            off = np.minimum.reduce([wide - aside, far - away + deep, high - sight, sight - parts[:, 5]])
+            off = np.minimum.reduce([wide - aside, far - away + deep, high - ray_m, ray_m - parts[:, 5]])
             found.append(max(float(off.max()), 0.0) / _SEEN_M)
         return _robust(np.array(found), _ROBUST)
 
@@ -383,16 +383,16 @@ class Jointly:
         """Return how deep pieces are in each other, and how far before what is seen behind them."""
         flat, owner = self._solids(X, bottoms)
         owners = owner.tolist()
-        seen = self._seen(X, flat, owner, rows)
+        covering = self._to_uncover(X, flat, owner, rows)
         first, second = self._pairs(tuple(owners), tuple(rows))
         if not len(first):
-            return seen
+            return covering
         deep = _overlaps(flat[first], flat[second])
         pair = owner[first] * len(self.pieces) + owner[second]
         keys, where = np.unique(pair, return_inverse=True)
         worst = np.zeros(len(keys))
         np.maximum.at(worst, where, deep)
-        return np.concatenate([worst / self._apart_m, seen])
+        return np.concatenate([worst / self._apart_m, covering])
 
     def _pairs(self, owners: tuple[int, ...], rows: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the numbers of parts that may not be in each other: of two pieces, such as a pillow and a back."""
@@ -513,9 +513,9 @@ class Jointly:
             if self.pieces[one].board is not None:
                 t = min(float(np.hypot(*(X[index, :2] - view.eye_m[:2])) / np.hypot(*ray[:2])), _FARTHEST_M)
             at = _turned(view.eye_m[:2] + t * ray[:2] - X[index, :2], -X[index, 2])
-            beside = np.maximum(np.abs(at - middle) - half, 0.0) / 0.05
+            outside = np.maximum(np.abs(at - middle) - half, 0.0) / 0.05
             wide = (math.log((x1 - x0) / K.fx * t) - self._prior[one, 5]) / max(2 * self._spread[one, 5], 0.5)
-            found += [*_robust(beside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
+            found += [*_robust(outside, 2.0), wide if is_seat(piece.thing.label) is False else 0.5 * wide]
         return np.array(found)
 
 

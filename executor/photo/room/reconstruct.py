@@ -247,7 +247,7 @@ def _result(room: RoomEstimate) -> FittedRoom:
     coloured: dict[int, str] = {}
     for name in {*called.values()}:
         alike = [index for index, own in called.items() if own == name]
-        coloured |= _told_apart(room, alike) if len(alike) > 1 else {alike[0]: ""}
+        coloured |= _distinguished(room, alike) if len(alike) > 1 else {alike[0]: ""}
     counts: Counter[str] = Counter()
     things, unfitted, ids = [], [], dict[int, str]()
     for index, detection in enumerate(room.detections):
@@ -270,7 +270,7 @@ def _filled(view: Observation, box_px: tuple[float, float, float, float], guess:
     return overlap(bounds, box_px) if np.isfinite(bounds).all() else 0.0
 
 
-def _told_apart(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
+def _distinguished(room: RoomEstimate, alike: Sequence[int]) -> dict[int, str]:
     """Return the beginnings of the names of things of one name: a colour of which one shows clearly more than the rest.
 
     A white bowl with a blue rim is the blue one beside a white one, and a dull mug with red flowers the red one.
