@@ -31,6 +31,7 @@ CONTACT_FORCE_N = 8.0
 
 SLIP_M = 0.02  # A sound grip creeps by less.
 LOST_CHECKS = 4  # In a row: contacts tremble.
+CLOSED_M = 0.002  # A handle that is still between the fingers lets them close by less.
 DISPLACED_M = 0.05  # More than what a light touch moves.
 NOTICED_M = 0.002  # Things settle by less.
 TIPPED_DEG = 37.0  # From here on most things fall.
@@ -57,9 +58,11 @@ class Monitor:
     gripped: str | None = None
     allowed: Allowed = NOTHING
     _lost: int = field(default=0)
+    _opening_m: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._standing = base_links(self.world.model)
+        self._opening_m = self._opening()
 
     def check(self) -> Failure | None:
         """Return why the motion has to stop now, or None."""
@@ -95,7 +98,7 @@ class Monitor:
         owner = self.carried.object_id if self.carried else self.gripped
         if owner is None:
             return None
-        self._lost = 0 if fingers_touching(self.world, owner) == len(self.world.model.finger_links) else self._lost + 1
+        self._lost = 0 if self._holds(owner) else self._lost + 1
         if self._lost >= LOST_CHECKS:
             kind = FailureKind.DROPPED if self.carried else FailureKind.SLIPPED
             message = f"the fingers lost {owner} at {self.world.time_s:.1f} s"
@@ -107,6 +110,22 @@ class Monitor:
                 loss = GripLoss(slip_m=round(slip_m, 4), time_s=round(self.world.time_s, 2))
                 return Failure(FailureKind.SLIPPED, message, (loss,))
         return None
+
+    def _holds(self, owner: str) -> bool:
+        """Return whether what the gripper holds is still between its fingers.
+
+        A handle that is pulled along the way the fingers close hangs on one of them: they are coupled as those of the
+        real hand are, so that beyond its grip force the other presses on nothing (a refrigerator that is opened from
+        its side resists with 40 N). While the fingers are as far apart as they were, the handle is between them.
+        """
+        touching = fingers_touching(self.world, owner)
+        if touching == len(self.world.model.finger_links):
+            return True
+        return self.carried is None and touching > 0 and self._opening() > self._opening_m - CLOSED_M
+
+    def _opening(self) -> float:
+        """Return how far each finger is from shut [m], on average."""
+        return float(np.asarray(self.world.robot.get_qpos(), dtype=float)[self.world.model.fingers].mean())
 
     def offset_in_hand(self, carried: Carried) -> Array:
         """Return (3,): how far the carried object has moved in the hand's frame."""
