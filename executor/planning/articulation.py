@@ -416,15 +416,25 @@ def can_let_go(planner: Planner, q: Array, joints: dict[JointTarget, float], hol
         return can_withdraw(planner, q, allowed=holding)
 
 
-def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) -> bool:
-    """Return whether the hand gets away from a panel that it has pushed, with open fingers that touch nothing."""
+def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float], panel: Allowed) -> bool:
+    """Return whether the hand gets away from a panel that it has pushed, with open fingers that touch nothing.
+
+    The step itself is gone through too: a wrist that moves straight back may bend the elbow out over a table.
+
+    Args:
+        planner: Of the robot.
+        q: (Q,) the end of the push.
+        joints: Where the panel's joint is then.
+        panel: What the hand may touch on its first way off the panel.
+    """
     path = step_back(planner, q)
     if path is None:
         return False
     opening_m = planner.kinematics.finger_upper_m
     with joints_at(planner, joints):
-        free = not planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M)
-        return free and can_withdraw(planner, path[-1])
+        if planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M):
+            return False
+        return planner.oracle.is_path_free(path, allowed=panel) and can_withdraw(planner, path[-1])
 
 
 def step_back(planner: Planner, q: Array) -> Array | None:

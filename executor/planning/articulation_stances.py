@@ -262,17 +262,23 @@ def reachable_end(
     # Most do not get far, and long steps find that sooner.
     for coarseness in (COARSE, 1):
         trajectory = _tracked(work, q, share, end, push, coarseness).trajectory
-        free = min(_free_rows(work, trajectory, fingers, push), rows_within_torque(planner, trajectory, work.joint))
+        free = _clear_rows(work, trajectory, fingers, push)
         if free < _rows_to(work, fractions[-1], trajectory):
             return None
     for fraction in fractions:
-        rows = _rows_to(work, fraction, trajectory)
+        rows, taken = _rows_to(work, fraction, trajectory), trajectory
         if rows > free:
             continue
-        last, joints = trajectory.path[rows - 1], trajectory.joints[rows - 1]
-        leaves = can_step_back(planner, last, joints) if push else can_let_go(planner, last, joints, fingers)
+        if push is not None and fraction != fractions[0]:
+            # A hand presses more and more until its end, so that a shorter push is no part of a longer one.
+            tracked = _tracked(work, q, share, work.joint.position(fraction), push, 1)
+            taken, rows = tracked.trajectory, len(tracked.trajectory.path)
+            if not tracked.complete or _clear_rows(work, taken, fingers, push) < rows:
+                continue
+        last, joints = taken.path[rows - 1], taken.joints[rows - 1]
+        leaves = can_step_back(planner, last, joints, fingers) if push else can_let_go(planner, last, joints, fingers)
         if leaves:
-            return fraction, planner.kinematics.margin(trajectory.path[:rows, planner.robot.arm])
+            return fraction, planner.kinematics.margin(taken.path[:rows, planner.robot.arm])
     return None
 
 
@@ -303,6 +309,11 @@ def _rows_to(work: ArticulationTask, fraction: float, trajectory: ArticulationPa
         return 1
     part = (work.joint.position(fraction) - first) / (last - first)
     return 1 + round((len(trajectory.path) - 1) * part)
+
+
+def _clear_rows(work: ArticulationTask, trajectory: ArticulationPath, fingers: Allowed, push: Push | None) -> int:
+    """Return the number of first rows that are free and within the motors' torque."""
+    return min(_free_rows(work, trajectory, fingers, push), rows_within_torque(work.planner, trajectory, work.joint))
 
 
 def _free_rows(work: ArticulationTask, trajectory: ArticulationPath, fingers: Allowed, push: Push | None) -> int:
