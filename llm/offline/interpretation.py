@@ -174,6 +174,8 @@ class _IntentBuilder(Referring):
         source = self._source(command)
         if command.kind == "place":
             command = replace(command, objects=tuple(map(self._as_load, command.objects)))
+        if command.destination is not None:
+            command = replace(command, destination=self._with_spot(command.destination))
         if command.kind == "toss" and command.destination is None:
             command = replace(command, destination=self._waste_place())
         targets, place = self._ends(command, source)

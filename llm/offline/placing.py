@@ -66,6 +66,24 @@ class Placing(Housekeeping):
             self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
         return Where(relation, place.object_id)
 
+    def _with_spot(self, place: Location) -> Location:
+        """Return "next to the bowl on the table" for "on the table next to the bowl" whose bowl stands there.
+
+        Where it stands elsewhere, the words tell which table is meant.
+        """
+        at = place.phrase.location
+        if at is None or at.direction not in SPOTS or place.direction not in ("ON", "ONTO", "IN", "INTO", "TO"):
+            return place
+        whole = replace(place.phrase, location=None)
+        there = Location("IN" if place.direction in ("IN", "INTO") else "ON", whole, place.preposition)
+        landmark = replace(at.phrase, location=at.phrase.location or there)
+        try:
+            known, found = self.grounding.one(whole), self.grounding.one(landmark)
+        except Refusal:
+            return place
+        stands = any(step.object_id == known.object_id for step in self._hosts(found.object_id))
+        return replace(at, phrase=landmark) if stands else place
+
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decide whether the preposition means inside or on top; "to" means what the destination affords."""
         where = destination.object_id

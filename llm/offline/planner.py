@@ -213,7 +213,7 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
         note = f"where {request.intents[0].target} is tells which one is meant, and not where it shall be"
         return request, (*notes, note)
     if found and not undecided:
-        found = _without_detours(found)
+        found = _without_looser(_without_detours(found))
         if len(found) == 1:
             return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
@@ -231,6 +231,20 @@ def _without_detours(found: Mapping[Request, tuple[str, ...]]) -> dict[Request, 
         for request, notes in found.items()
         if not any(ends[other] == ends[request] and len(other.intents) < len(request.intents) for other in found)
     }
+
+
+def _without_looser(found: Mapping[Request, tuple[str, ...]]) -> dict[Request, tuple[str, ...]]:
+    """Return requests without those that another one fulfils as well, and says the spots of.
+
+    "Place the bowl beside the book on the sofa" puts it onto the sofa by each reading, and by one beside the book.
+    """
+
+    def fulfils(closer: Request, looser: Request) -> bool:
+        pairs = tuple(zip(closer.intents, looser.intents, strict=False))
+        same = all(near == far or replace(near, where=None) == far for near, far in pairs)
+        return closer != looser and len(closer.intents) == len(looser.intents) and same
+
+    return {request: notes for request, notes in found.items() if not any(fulfils(other, request) for other in found)}
 
 
 def _is_decided(refusal: Refusal, found: Collection[Request], sources: Collection[str]) -> bool:

@@ -48,6 +48,32 @@ def test_a_spot_that_only_says_which_thing_is_meant_is_noted() -> None:
     assert str(meant.task.subtasks[-1].where) == "next to bowl_0" and not meant.notes
 
 
+@pytest.mark.parametrize(
+    ("query", "where"),
+    [
+        ("put the apple next to the bowl on the table", "next to bowl_0"),
+        ("put the apple on the table next to the bowl", "next to bowl_0"),
+        ("put the apple on the table to the left of the bowl", "left of bowl_0"),
+        # It stands elsewhere, and is no neighbour there.
+        ("put the apple on the shelf next to the bowl", ""),
+        # The only plate is beside the bowl on the table: by either reading it goes onto the table beside it.
+        ("put the plate beside the bowl on the table", "next to bowl_0"),
+    ],
+)
+def test_a_neighbour_that_stands_there_says_the_spot(query: str, where: str) -> None:
+    things = {
+        "table_0": "table",
+        "counter_0": "counter",
+        "shelf_0": "shelf",
+        "bowl_0": "bowl",
+        "apple_0": "apple",
+        "plate_0": "plate",
+    }
+    facts = ["(ontop bowl_0 table_0)", "(ontop apple_0 counter_0)", "(ontop plate_0 counter_0)"]
+    plan = llm.propose(query, oag.scene(things, [*facts, "(nextto plate_0 bowl_0)"], closed="all"))
+    assert str(plan.task.subtasks[-1].where or "") == where
+
+
 def test_a_part_is_not_taken_on_trust_and_a_part_of_nothing_is_asked_about() -> None:
     assert llm.propose("open the left door of the wardrobe", _SCENE).notes == ()
     with pytest.raises(llm.QueryError, match="third drawer of"):
