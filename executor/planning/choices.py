@@ -2,6 +2,7 @@
 
 Physics leaves things millimetres off where the dry run had them. So no configuration is kept: a search looks first at
 its own candidates near a choice, as exactly as at all others, and goes on to the others where none of those will do.
+The arm's posture is where its own solutions start from: on another branch of the arm a door opens less far.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ class Choice:
         step: Index of the step.
         base: (B,) where the base stands.
         T_anchor_eef: (4, 4) the hand there, in the frame of the step's target or support.
+        arm: (A,) the posture of the arm there.
         drives: (N, B) waypoints of the drives that were found on the way to it.
     """
 
     step: int
     base: Array
     T_anchor_eef: Array
+    arm: Array
     drives: tuple[Array, ...] = ()
 
 
@@ -43,11 +46,13 @@ class Near:
     Attributes:
         base: (B,) where the base stands.
         T_world_eef: (4, 4) the hand.
+        arm: (A,) the posture of the arm.
         drives: (N, B) waypoints of drives that led there.
     """
 
     base: Array
     T_world_eef: Array
+    arm: Array
     drives: tuple[Array, ...] = ()
 
     def has_hand(self, T_world_eef: Array) -> bool:

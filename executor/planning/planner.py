@@ -108,12 +108,12 @@ class Planner:
     def choose(self, step: int, q: Array, T_world_anchor: Array) -> None:
         """Note that a step's hand goal is to be reached in a configuration (Q,), by its target's or support's pose."""
         T_anchor_eef = inverse(T_world_anchor) @ self.kinematics.forward(q)
-        self.chosen.append(Choice(step, q[self.robot.base], T_anchor_eef, tuple(self._drives)))
+        self.chosen.append(Choice(step, q[self.robot.base], T_anchor_eef, q[self.robot.arm], tuple(self._drives)))
 
     @contextmanager
     def narrowed_to(self, choice: Choice, T_world_anchor: Array) -> Iterator[None]:
         """Narrow the searches in the block to candidates near a choice, which may be a little tighter than it was."""
-        self.near = Near(choice.base, T_world_anchor @ choice.T_anchor_eef, choice.drives)
+        self.near = Near(choice.base, T_world_anchor @ choice.T_anchor_eef, choice.arm, choice.drives)
         self.oracle.slack_m = SLACK_M
         try:
             yield

@@ -236,6 +236,10 @@ class FreeFloor:
         return self._known[key]
 
 
+SAME_BRANCH_RAD = 0.5
+"""A posture is on the branch of another one if no joint differs by more; within a choice joints differ by a tenth."""
+
+
 class ArmSolver:
     """Cached inverse kinematics: postures depend on the hand's pose in the base frame alone."""
 
@@ -245,17 +249,28 @@ class ArmSolver:
         self._known: dict[tuple[float, ...], list[ArmSolution]] = {}
 
     def solve(self, T_world_eef: Array, base: Array, *, either_side: bool) -> list[ArmSolution]:
-        """Return arm postures for a hand pose, best margin first; `either_side` admits the half-turned hand too."""
+        """Return arm postures for a hand pose, best margin first; `either_side` admits the half-turned hand too.
+
+        In a narrowed search those on the branch of the choice are all, where there is one.
+        """
         kinematics = self._planner.kinematics
         self._planner.effort.add(CANDIDATE_S)
         T_base_eef = inverse(kinematics.base_transform(base)) @ T_world_eef
-        found: list[ArmSolution] = []
-        for T in (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,):
+        ways = (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,)
+        found = [one for T in ways for one in self._on_its_branch(T)]
+        for T in () if found else ways:
             key = tuple(np.round(T[:3], 4).ravel())
             if key not in self._known:
                 self._known[key] = kinematics.solve(T, _origin(kinematics), restarts=self._restarts)
             found += self._known[key]
         return sorted(found, key=lambda s: -s.margin_rad)
+
+    def _on_its_branch(self, T_base_eef: Array) -> list[ArmSolution]:
+        near, kinematics = self._planner.near, self._planner.kinematics
+        if near is None:
+            return []
+        found = kinematics.solve(T_base_eef, _origin(kinematics), near=near.arm, restarts=1)
+        return [one for one in found if np.abs(one.arm - near.arm).max() < SAME_BRANCH_RAD]
 
 
 def is_comfortable(choice: Scored) -> bool:

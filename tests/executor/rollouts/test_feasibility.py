@@ -205,6 +205,23 @@ def test_wishes_that_a_person_calls_possible_are_feasible(seed: int, because: st
     assert found, f"{because}: {found.reason}"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "because"),
+    [
+        (91005, "on another branch of the arm the door opens less far, and then has to be pushed on"),
+        (90084, "a shorter push ends elsewhere than a longer one passes, and the elbow met a table"),
+    ],
+)
+def test_a_run_makes_the_choices_of_its_forecast(seed: int, because: str) -> None:
+    wish = any_task.draw(seed)
+    graph = oag.compose(llm.propose(wish.query, wish.scene, sizing=Sizing(keep=True)).task, scene=wish.scene)
+    found = executor.feasible(graph, wish.scene, seed, vary=False)
+    assert found, found.reason
+    done = executor.rollout(graph, wish.scene, seed, vary=False, conditions=found.conditions())
+    assert done.succeeded, f"{because}: {done.failure}"
+
+
 def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
     start = Checkpoint.at_start(kitchen)
     with DryWorld(kitchen, start.packed) as world:
