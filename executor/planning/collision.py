@@ -120,6 +120,20 @@ class CollisionOracle:
         self._joints[joint], self._joints_shown = position, False
 
     @contextmanager
+    def released_at(self, q: Array) -> Iterator[None]:
+        """Let what is carried rest where the hand has it in a configuration (Q,), for the duration of the block."""
+        carried, before = self.carried, self._resting
+        if carried is None:
+            raise ValueError("nothing is carried that could be released")
+        T_world_eef = self.kinematics.forward(q)
+        self._resting = before | {i: T_world_eef @ T_eef_object for i, T_eef_object in carried.poses}
+        self.carried = None
+        try:
+            yield
+        finally:
+            self._resting, self.carried = before, carried
+
+    @contextmanager
     def without_clearance(self) -> Iterator[None]:
         """Reduce the clearance of base and arm to the hand's for the duration of the block."""
         usual = self.base_clearance_m, self.arm_clearance_m

@@ -229,6 +229,11 @@ def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withd
 
 
 def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None:
+    if not planner.robot.keeps_order:
+        # Trees take long to find nothing, and another path off the thing may lead home without one.
+        straight = next(_straight_ways(planner, q, allowed), None)
+        if straight is not None:
+            return straight
     still_inside: list[Array] = []
     for away in _gentle_first(planner, q, allowed):
         home = _straight_home(planner, away[-1])
@@ -244,6 +249,22 @@ def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None
         if home is not None:
             return Withdrawal(away, home)
     return None
+
+
+def leads_away(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> bool:
+    """Return whether the open hand gets home from what it has let go of without a tree: that is left to chance.
+
+    Args:
+        planner, q, allowed: As for `withdraw`.
+    """
+    return next(_straight_ways(planner, q, allowed), None) is not None
+
+
+def _straight_ways(planner: Planner, q: Array, allowed: Allowed) -> Iterator[Withdrawal]:
+    for away in _gentle_first(planner, q, allowed):
+        home = _straight_home(planner, away[-1], most_trees=0)
+        if home is not None:
+            yield Withdrawal(away, home)
 
 
 def _gentle_first(planner: Planner, q: Array, allowed: Allowed) -> Iterator[Array]:

@@ -18,7 +18,8 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
 from executor.planning.cargo import Carried
-from executor.planning.collision import HELD, Hit
+from executor.planning.collision import HELD, Hit, fingers_may_touch
+from executor.planning.drives import leads_away
 from executor.planning.paths import FINE_ARM_STEP_RAD, polyline
 from executor.planning.placements import UPWARD, placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
@@ -69,6 +70,9 @@ MOST_CANDIDATES = 400
 
 MORE_CANDIDATES = 800
 """How many more where numbers are open, from the sides first on which the arm had room."""
+
+MOST_STUCK = 5
+"""How many plans are put back from whose release nothing straight leads home."""
 
 COLLISIONS_OF_TAKEN_SIDE = 12
 """After so many postures whose arm hit something, and none that did not, a side counts as taken."""
@@ -216,12 +220,31 @@ class PlaceSearch:
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
         more = itertools.islice(examine(sides.roomy_first(candidates)), more_count)
+        stuck: list[PlacePlan] = []
         for plan in itertools.chain(best_first(first, CANDIDATES_PER_BATCH), best_first(more, CANDIDATES_PER_BATCH)):
             fine = plan.path
             if len(fine) > 1:
                 fine = polyline(robot, fine, FINE_ARM_STEP_RAD, base_share=FINE_SHARE)
-            if self.planner.oracle.is_path_free(fine, margin_m=CLEARANCE_M):
+            if not self.planner.oracle.is_path_free(fine, margin_m=CLEARANCE_M):
+                continue
+            if len(stuck) < MOST_STUCK and not self._leads_away(plan):
+                stuck.append(plan)
+            else:
                 yield plan
+        yield from stuck
+
+    def _leads_away(self, plan: PlacePlan) -> bool:
+        """Return whether the hand gets home from where it lets go in a compartment; True for other places.
+
+        A hand that points straight down over a can gets in below a board, and not out again over the can.
+        """
+        robot, release = self.planner.robot, plan.path[-1]
+        within = any(one.name == plan.region and one.opening[2] <= UPWARD for one in self.regions)
+        if not within or robot.keeps_order:
+            return True
+        fingers = fingers_may_touch(robot, self.carried.object_id)
+        with self.planner.oracle.released_at(release):
+            return leads_away(self.planner, release, allowed=fingers)
 
     def explain_failure(self, moves: tuple[Action, ...]) -> Failure:
         """Return a failure: no free spot, how far the hand stays off all of them, or the obstacle.
