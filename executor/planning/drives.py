@@ -263,6 +263,7 @@ def leads_away(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> boo
 def _straight_ways(planner: Planner, q: Array, allowed: Allowed) -> Iterator[Withdrawal]:
     for away in _gentle_first(planner, q, allowed):
         home = _straight_home(planner, away[-1], most_trees=0)
+        home = home if home is not None else _raised_home(planner, away[-1], _anywhere, None)
         if home is not None:
             yield Withdrawal(away, home)
 

@@ -234,12 +234,12 @@ class PlaceSearch:
         yield from stuck
 
     def _leads_away(self, plan: PlacePlan) -> bool:
-        """Return whether the hand gets home from where it lets go in a compartment; True for other places.
+        """Return whether the hand gets home from where it lets go inside of something; True for other places.
 
         A hand that points straight down over a can gets in below a board, and not out again over the can.
         """
         robot, release = self.planner.robot, plan.path[-1]
-        within = any(one.name == plan.region and one.opening[2] <= UPWARD for one in self.regions)
+        within = any(one.name == plan.region and one.kind == "interior" for one in self.regions)
         if not within or robot.keeps_order:
             return True
         fingers = fingers_may_touch(robot, self.carried.object_id)

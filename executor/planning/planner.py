@@ -22,7 +22,16 @@ from executor.geometry import Array, interpolate_poses, inverse, nearest_turn, r
 from executor.planning.choices import Choice, Near
 from executor.planning.collision import CollisionOracle
 from executor.planning.floor import FloorPlan
-from executor.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, base_move, base_turn, connect, segment, shorten
+from executor.planning.paths import (
+    ARM_STEP_RAD,
+    FINE_ARM_STEP_RAD,
+    EdgeCheck,
+    base_move,
+    base_turn,
+    connect,
+    segment,
+    shorten,
+)
 from executor.sim.robot.kinematics import Kinematics, LineTracker
 from executor.sim.world import World
 from executor.system.effort import CANDIDATE_S
@@ -167,7 +176,7 @@ class Planner:
                 way = segment(self.robot, *ends, arm_step_rad=step_rad)
                 return not self._spills(way) and self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
 
-            way = connect(
+            way = self._simple_way(here, arm, edge_is_free) or connect(
                 here,
                 arm,
                 edge_is_free=edge_is_free,
@@ -182,6 +191,18 @@ class Planner:
             if all(edge_is_free(a, b, FINE_ARM_STEP_RAD) for a, b in pairwise(way)):
                 return np.stack([np.concatenate([base, posture]) for posture in way])
         return None
+
+    def _simple_way(self, here: Array, arm: Array, edge_is_free: EdgeCheck) -> list[Array] | None:
+        """Return the straight way to a posture, else that by the home posture that leans forward, or None.
+
+        An arm that is turned aside meets the mast behind it where it leans back too early.
+        """
+        if self.robot.keeps_order:
+            return None
+        home = self.robot.home
+        leaning = np.array([home[0], self.robot.leaning_rad, *home[2:]])
+        ways = [here, arm], [here, leaning, arm]
+        return next((way for way in ways if all(edge_is_free(a, b) for a, b in pairwise(way))), None)
 
     def _spills(self, way: Array) -> bool:
         """Return whether what is carried loses its cargo on a way (N, Q), since it leans too far."""
