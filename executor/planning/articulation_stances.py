@@ -451,9 +451,11 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     found = Unplanned(target=work.object_id, joint=work.joint.name)
     meets = first_obstruction(work)
     now = work.joint.fraction(work.now)
-    if meets is not None and abs(meets[0] - now) < abs(work.fractions[-1] - now):
-        message = f"{work.joint.name} of {work.object_id} meets {meets[1]} at {meets[0]:.2f} of its range"
-        found = replace(found, in_the_way=(meets[1],), free_to_fraction=round(meets[0], 2))
+    if meets is not None and abs(meets.fraction - now) < abs(work.fractions[-1] - now):
+        moving = f"{work.joint.name} of {work.object_id}"
+        what = moving if meets.item is None else f"{meets.item}, which goes along with {moving},"
+        message = f"{what} meets {meets.met} at {meets.fraction:.2f} of its range"
+        found = replace(found, in_the_way=(meets.met,), free_to_fraction=round(meets.fraction, 2))
         return Failure(FailureKind.NO_PATH, message, (found,))
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()
