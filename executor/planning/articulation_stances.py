@@ -432,8 +432,13 @@ def articulation_stances(
 
 
 def _has_a_rest(work: ArticulationTask) -> bool:
-    """Return whether a partial motion is of use: later stages can do the rest, or the flow leaves the amount open."""
-    wanted = work.action.parameter is None or bool(possible_fractions(replace(work, partial=False)))
+    """Return whether a partial motion is of use: later stages can do the rest, or the flow leaves the amount open.
+
+    What shuts not all the way is not shut.
+    """
+    opens = work.action.primitive is Primitive.ARTICULATE_OPEN or work.planner.robot.keeps_order
+    open_amount = work.action.parameter is None and opens
+    wanted = open_amount or bool(possible_fractions(replace(work, partial=False)))
     return wanted and bool(work.smaller)
 
 

@@ -226,7 +226,9 @@ class CollisionOracle:
                     found[key] = min(gap_m, found.get(key, np.inf))
                     break
         for mover, other in found:
-            effort.met[f"{mover} and {other}"] += 1
+            # An arm that folds onto itself is in nobody's way but its own.
+            if not other.startswith(f"{ROBOT}/"):
+                effort.met[f"{mover} and {other}"] += 1
         return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
 
     def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
