@@ -5,7 +5,7 @@ posture.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -188,9 +188,9 @@ def withdrawal_paths(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) 
     aside = [partial(_by_base, planner, q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
     level = abs(pitch_of(T)) < np.deg2rad(50.0)
     kinds = (straight, by_arm, up, aside) if level else (by_arm, up, straight, aside)
-    known: dict[partial[Array | None], Array | None] = {}
+    known: dict[Callable[[], Array | None], Array | None] = {}
 
-    def paths(kind: list[partial[Array | None]]) -> Iterator[Array]:
+    def paths(kind: Sequence[Callable[[], Array | None]]) -> Iterator[Array]:
         # Most hands get away by the first of some thirty ways, and each costs a line of hand poses.
         for way in kind:
             if way not in known:
