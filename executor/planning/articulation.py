@@ -11,15 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from executor.assets.asset_geometry import joint_transform
 from executor.assets.model import Handle, Joint
-from executor.geometry import Array, heading_of
-from executor.planning.cargo import riders
-from executor.planning.collision import Allowed, JointTarget, fingers_may_touch
+from executor.geometry import Array, heading_of, inverse
+from executor.planning.cargo import Carried, riders
+from executor.planning.collision import HELD, Allowed, JointTarget, fingers_may_touch, held_may_touch
 from executor.planning.drives import can_withdraw
 from executor.planning.grasps import Push
 from executor.planning.paths import arc_about, base_move, segment
@@ -264,6 +265,7 @@ def carry_joint(
 
 ARC_CLEARANCE_M = 0.003  # Doors are built to pass their neighbours by about as much.
 FAR_AWAY_M = 60.0  # Beyond every scene.
+PRESSED_M = 0.002  # Less deep than this into something, what a drawer carries gives way.
 MEETING_STEPS = 40  # A quarter turn in steps of about 2 degrees.
 STEP_BACK_M = 0.03  # Clear of the panel before the fingers open.
 APART_M = 0.0015  # What the open fingers then keep.
@@ -371,20 +373,70 @@ class ArticulationTask:
         return self.world.T_world_link(self.object_id)
 
 
-def first_obstruction(work: ArticulationTask) -> tuple[float, str] | None:
-    """Return the first fraction of the joint's range at which its link meets something, and what; None where none.
+class Obstruction(NamedTuple):
+    """Where on its way a joint's link, or what that carries, meets something.
 
-    The robot is left out, so that what no stance could do is known before any is searched for.
+    Attributes:
+        fraction: Of the joint's range.
+        met: What is met, as "id/link".
+        item: What meets it, of what the link carries; None for the link itself.
+    """
+
+    fraction: float
+    met: str
+    item: str | None = None
+
+
+def first_obstruction(work: ArticulationTask) -> Obstruction | None:
+    """Return where the joint's link, or what that carries, first meets something; None where it meets nothing.
+
+    The robot is left out, so that what no stance could do is known before any is searched for. A drawer does not shut
+    with a pile in it that is higher than its room.
     """
     target, link = (work.object_id, work.joint.name), f"{work.object_id}/{work.handle.link}"
     start, end = work.now, work.joint.position(work.fractions[0])
     oracle, carried, away = work.planner.oracle, work.riders, _far_away(work.planner.robot)
+    positions = np.linspace(start, end, MEETING_STEPS)
+    found = [_first_met_by(work, item, positions) for item in _aboard(work)]
     with work.leaving_start(carried):
-        for position in np.linspace(start, end, MEETING_STEPS):
+        for position in positions:
             hits = oracle.hits(away, joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
             met = next((hit.other for hit in hits if hit.mover == link), None)
             if met is not None:
-                return work.joint.fraction(float(position)), met
+                found.append(Obstruction(work.joint.fraction(float(position)), met))
+                break
+    met_first = [one for one in found if one is not None]
+    return min(met_first, key=lambda one: abs(one.fraction - work.joint.fraction(start)), default=None)
+
+
+def _aboard(work: ArticulationTask) -> tuple[str, ...]:
+    """Return the items that the moving link carries; none where stored results were found without them."""
+    return () if work.planner.robot.keeps_order else riders(work.world, work.object_id, work.handle.link)
+
+
+def _first_met_by(work: ArticulationTask, item: str, positions: Array) -> Obstruction | None:
+    """Return where an item that the moving link carries first meets something else; None where it meets nothing."""
+    oracle, link = work.planner.oracle, f"{work.object_id}/{work.handle.link}"
+    away, allowed = _far_away(work.planner.robot), held_may_touch((link, *_aboard(work)))
+    T_eef_world = inverse(work.planner.kinematics.forward(away))
+    T_world_parent = work.world.T_world_link(work.object_id, work.joint.parent)
+    T_link_world = inverse(T_world_parent @ joint_transform(work.joint, work.now))
+    before = oracle.carried
+    try:
+        for number, position in enumerate(positions.tolist()):
+            # As if the hand held it: what is held still meets nothing that stands.
+            moved = T_eef_world @ T_world_parent @ joint_transform(work.joint, position) @ T_link_world
+            oracle.carried = Carried(item, moved @ work.world.T_world_link(item))
+            hits = oracle.hits(away, joints={(work.object_id, work.joint.name): position}, allowed=allowed)
+            if number == 0:
+                # What it touches where it is it may slide along.
+                allowed |= {(hit.mover, hit.other) for hit in hits}
+                continue
+            met = next((hit.other for hit in hits if hit.mover == HELD and hit.separation_m < -PRESSED_M), None)
+            if met is not None:
+                return Obstruction(work.joint.fraction(position), met, item)
+    finally:
+        oracle.carried = before
     return None
 
 
@@ -402,7 +454,7 @@ def possible_fractions(work: ArticulationTask) -> tuple[float, ...]:
     if meets is None:
         return fractions
     now = work.joint.fraction(work.now)
-    return tuple(f for f in fractions if abs(f - now) < abs(meets[0] - now))
+    return tuple(f for f in fractions if abs(f - now) < abs(meets.fraction - now))
 
 
 def handle_contacts(robot: Robot, object_id: str, handle: Handle) -> Allowed:

@@ -443,8 +443,13 @@ def articulation_stances(
 
 
 def _has_a_rest(work: ArticulationTask) -> bool:
-    """Return whether a partial motion is of use: later stages can do the rest, or the flow leaves the amount open."""
-    wanted = work.action.parameter is None or bool(possible_fractions(replace(work, partial=False)))
+    """Return whether a partial motion is of use: later stages can do the rest, or the flow leaves the amount open.
+
+    What shuts not all the way is not shut.
+    """
+    opens = work.action.primitive is Primitive.ARTICULATE_OPEN or work.planner.robot.keeps_order
+    open_amount = work.action.parameter is None and opens
+    wanted = open_amount or bool(possible_fractions(replace(work, partial=False)))
     return wanted and bool(work.smaller)
 
 
@@ -462,9 +467,11 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     found = Unplanned(target=work.object_id, joint=work.joint.name)
     meets = first_obstruction(work)
     now = work.joint.fraction(work.now)
-    if meets is not None and abs(meets[0] - now) < abs(work.fractions[-1] - now):
-        message = f"{work.joint.name} of {work.object_id} meets {meets[1]} at {meets[0]:.2f} of its range"
-        found = replace(found, in_the_way=(meets[1],), free_to_fraction=round(meets[0], 2))
+    if meets is not None and abs(meets.fraction - now) < abs(work.fractions[-1] - now):
+        moving = f"{work.joint.name} of {work.object_id}"
+        what = moving if meets.item is None else f"{meets.item}, which goes along with {moving},"
+        message = f"{what} meets {meets.met} at {meets.fraction:.2f} of its range"
+        found = replace(found, in_the_way=(meets.met,), free_to_fraction=round(meets.fraction, 2))
         return Failure(FailureKind.NO_PATH, message, (found,))
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()

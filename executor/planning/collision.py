@@ -4,19 +4,23 @@ The oracle's world has no gravity and a time step of a microsecond. Setting a co
 physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried, cargo
 included, stays dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is
 held still.
-Intended contacts of a motion are pairs of a mover and what it may touch.
+What a drawer or door carries is where its joint takes it: a hand that follows a drawer in keeps its distance to what
+lies there. Intended contacts of a motion are pairs of a mover and what it may touch.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
-from executor.geometry import Array
-from executor.planning.cargo import Carried
+from executor.assets.asset_geometry import joint_transform
+from executor.assets.model import Joint
+from executor.geometry import Array, inverse
+from executor.planning.cargo import Carried, riders
 from executor.planning.paths import spread_out
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import base_links
@@ -50,6 +54,23 @@ Allowed = frozenset[tuple[str, str]]
 """Pairs of a mover and an object's id, or "id/link" for one link of it, that may touch."""
 
 NOTHING: Allowed = frozenset()
+
+
+@dataclass(slots=True)
+class _Ride:
+    """Items on a link of an object.
+
+    Attributes:
+        joint: The link's joint.
+        T_world_parent: (4, 4) where the joint's other link is.
+        items: Ids, with poses (4, 4) in the link's frame.
+        shown: The joint's position at which the items were put last; NaN where they are to be put anew.
+    """
+
+    joint: Joint
+    T_world_parent: Array
+    items: tuple[tuple[str, Array], ...]
+    shown: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +115,7 @@ class CollisionOracle:
         self._joints: dict[JointTarget, float] = {}
         self._shown: dict[str, list[float]] = {}
         self._stale: dict[str, None] = {}
+        self._rides: dict[JointTarget, _Ride] = {}
         self._joints_shown = False
         self._loose: tuple[str, ...] = ()
         self._near_at_start: dict[tuple[str, str], float] = {}
@@ -110,6 +132,17 @@ class CollisionOracle:
         }
         self._shown, self._joints_shown = {}, False
         self._stale = dict.fromkeys(self._resting)
+        # Stored results of the paper's robot were found with such items where they were.
+        self._rides = {} if self.robot.keeps_order else dict(self._found_rides(world))
+
+    def _found_rides(self, world: World) -> Iterator[tuple[JointTarget, _Ride]]:
+        for (object_id, name), now in self._joints.items():
+            joint = world.assets[object_id].joint(name)
+            T_parent = world.T_world_link(object_id, joint.parent)
+            T_link_world = inverse(T_parent @ joint_transform(joint, now))
+            items = tuple((item, T_link_world @ self._resting[item]) for item in riders(world, object_id, joint.child))
+            if items:
+                yield (object_id, name), _Ride(joint, T_parent, items)
 
     def joint_position(self, joint: JointTarget) -> float:
         """Return the position of an object's joint in the oracle's world."""
@@ -207,7 +240,9 @@ class CollisionOracle:
                     found[key] = min(gap_m, found.get(key, np.inf))
                     break
         for mover, other in found:
-            effort.met[f"{mover} and {other}"] += 1
+            # An arm that folds onto itself is in nobody's way but its own.
+            if not other.startswith(f"{ROBOT}/"):
+                effort.met[f"{mover} and {other}"] += 1
         return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
 
     def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
@@ -265,9 +300,20 @@ class CollisionOracle:
             for object_id in carried:
                 self.world.hold(object_id, still=False)
             self._loose = carried
+            for ride in self._rides.values():
+                ride.shown = math.nan
         for object_id in self._stale:
             self.world.set_object_pose(object_id, self._resting[object_id])
         self._stale.clear()
+        for key, ride in self._rides.items():
+            position = joints.get(key, self._joints[key])
+            if ride.shown == position:
+                continue
+            ride.shown = position
+            T_world_link = ride.T_world_parent @ joint_transform(ride.joint, position)
+            for object_id, T_link_item in ride.items:
+                if object_id not in carried:
+                    self.world.set_object_pose(object_id, T_world_link @ T_link_item)
         if self.carried is not None:
             T_world_eef = self.kinematics.forward(q)
             for object_id, T_eef_object in self.carried.poses:

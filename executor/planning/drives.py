@@ -5,7 +5,7 @@ posture.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -188,16 +188,26 @@ def withdrawal_paths(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) 
     aside = [partial(_by_base, planner, q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
     level = abs(pitch_of(T)) < np.deg2rad(50.0)
     kinds = (straight, by_arm, up, aside) if level else (by_arm, up, straight, aside)
-    paths = [[path for path in (way() for way in kind) if path is not None] for kind in kinds]
+    known: dict[Callable[[], Array | None], Array | None] = {}
+
+    def paths(kind: Sequence[Callable[[], Array | None]]) -> Iterator[Array]:
+        # Most hands get away by the first of some thirty ways, and each costs a line of hand poses.
+        for way in kind:
+            if way not in known:
+                known[way] = way()
+            path = known[way]
+            if path is not None:
+                yield path
+
     oracle = planner.oracle
-    for kind in paths[:3]:
-        yield from itertools.islice((path for path in kind if _gets_apart(planner, q, path)), 1)
-    for kind in paths:
-        clear = (p for p in kind if oracle.is_path_free(p[1:], margin_m=BACK_OFF_CLEARANCE_M, allowed=allowed))
+    for kind in kinds[:3]:
+        yield from itertools.islice((path for path in paths(kind) if _gets_apart(planner, q, path)), 1)
+    for kind in kinds:
+        clear = (p for p in paths(kind) if oracle.is_path_free(p[1:], margin_m=BACK_OFF_CLEARANCE_M, allowed=allowed))
         yield from itertools.islice(clear, 1)
-    for kind in paths:
+    for kind in kinds:
         with oracle.leaving(q, allowed=allowed):
-            found = next((path for path in kind if oracle.is_path_free(path, allowed=allowed)), None)
+            found = next((path for path in paths(kind) if oracle.is_path_free(path, allowed=allowed)), None)
         if found is not None:
             yield found
 

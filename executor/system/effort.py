@@ -39,7 +39,7 @@ class Effort:
     Attributes:
         spent_s: Effort so far.
         queries: How many configurations were looked at so far.
-        met: While a limit is set: which pairs met in how many of them.
+        met: While a limit is set: which pairs met in how many of them, the robot's own parts left out.
     """
 
     def __init__(self) -> None:

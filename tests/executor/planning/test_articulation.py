@@ -113,7 +113,10 @@ def test_driving_carries_upright_hinges_and_level_slides_only() -> None:
 
 
 def _scene(model: str, **more: SceneObject) -> Scene:
-    fixture = sample(model, 0, "fixture_0")
+    return _scene_of(sample(model, 0, "fixture_0"), **more)
+
+
+def _scene_of(fixture: SceneObject, **more: SceneObject) -> Scene:
     depth, _, height = fixture.extent_m
     return Scene(
         name="articulation",
@@ -278,3 +281,76 @@ def test_the_prompt_tells_an_interval_as_it_is_run() -> None:
         assert end_fractions(PAPER_ROBOT, action, SLIDE, 0.8) == pytest.approx((left,))
         assert str(list(limits)) in told
     assert end_fractions(PAPER_ROBOT, Action(OPEN, (0.2, 0.6)), SLIDE, 0.0) == (0.6,)
+
+
+def _drawer_with(height_m: float, open_by: float, worlds: list[World], robot: str = LIFTED.name) -> ArticulationTask:
+    """A low drawer that stands open, with a can of some height behind its front."""
+    can = replace(sample("can", 0, "can_0"), bbox_extent=(0.05, 0.05, height_m))
+    cabinet = replace(sample("cabinet_drawers", 0, "fixture_0"), bbox_extent=(0.6, 0.5, 0.8))
+    scene = _scene_of(replace(cabinet, parameters={**cabinet.parameters, "drawers": 3}), can_0=can).with_robot(robot)
+    world, oracle = World(scene), World(scene, oracle=True)
+    worlds += [world, oracle]
+    handle = next(h for h in world.assets["fixture_0"].handles if h.joint == "drawer_2_slide")
+    joint = world.assets["fixture_0"].joint(handle.joint)
+    world.set_joint_position("fixture_0", joint.name, joint.position(open_by))
+    region = next(r for r in world.assets["fixture_0"].regions if r.joint == joint.name)
+    x, y, z = (world.T_world_link("fixture_0", region.link) @ [*region.center_m, 1.0])[:3]
+    front_m = x - region.half_extents_m[0] + 0.05
+    world.set_object_pose("can_0", at(front_m, y, z - region.half_extents_m[2] + height_m / 2 + 0.0005))
+    world.step()
+    planner = Planner(CollisionOracle(oracle))
+    planner.start_subtask(world, 0, 0)
+    return ArticulationTask(planner, world, "fixture_0", handle, Action(CLOSE))
+
+
+def _over(work: ArticulationTask, item: str) -> np.ndarray:
+    """A configuration with the fingers straight down around the top of an item."""
+    planner, T_item = work.planner, work.world.T_world_link(item)
+    top_m = T_item[2, 3] + work.world.assets[item].extent_m[2] / 2
+    down = np.diag([1.0, -1.0, -1.0])
+    base = np.array([T_item[0, 3] - 0.5, T_item[1, 3], 0.0, 0.3])
+    arm = planner.kinematics.solve(at(T_item[0, 3], T_item[1, 3], top_m - 0.01, down), base)[0].arm
+    return np.concatenate([base, arm])
+
+
+@pytest.mark.physics
+def test_what_lies_in_a_drawer_goes_along_with_it(worlds: list[World]) -> None:
+    work = _drawer_with(0.12, 0.9, worlds)
+    oracle, slide = work.planner.oracle, ("fixture_0", work.joint.name)
+    q = _over(work, "can_0")
+
+    def met(q: np.ndarray, joints: dict[tuple[str, str], float] | None = None) -> bool:
+        return any(hit.other.startswith("can_0/") for hit in oracle.hits(q, opening_m=0.0, joints=joints))
+
+    half = work.joint.position(0.5)
+    along = q.copy()
+    along[:2] += (half - work.now) * np.array(work.joint.axis)[:2]
+    assert met(q) and not met(along)
+    assert not met(q, {slide: half}) and met(along, {slide: half}), "it is where the drawer takes it"
+    assert met(q) and not met(along), "asking about a moved drawer must not move what lies in it"
+    oracle.set_joint(slide, half)
+    assert not met(q) and met(along)
+    oracle.synchronize(work.world)
+    assert met(q) and not met(along)
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+def test_a_drawer_is_shut_by_its_handle_with_something_tall_behind_its_front(worlds: list[World]) -> None:
+    work = _drawer_with(0.12, 0.97, worlds)
+    assert first_obstruction(work) is None
+    swing = next(rigid_stances(work, np.array([-0.4, 0.2, 0.0, 0.0]))).followup
+    assert swing.end_fraction == 0.0
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(("robot", "met"), [(LIFTED.name, "can_0"), (PAPER_ROBOT.name, None)])
+def test_what_is_higher_than_the_room_of_its_drawer_keeps_it_from_shutting(
+    robot: str, met: str | None, worlds: list[World]
+) -> None:
+    obstruction = first_obstruction(_drawer_with(0.3, 0.9, worlds, robot))
+    assert (obstruction and obstruction.item) == met, "stored results of the paper's robot were found without"
+    if obstruction is not None:
+        assert obstruction.met.startswith("fixture_0/") and 0.1 < obstruction.fraction < 0.9
+        failure = explain_failure(_drawer_with(0.3, 0.9, worlds, robot), np.array([-0.4, 0.2, 0.0, 0.0]))
+        assert "can_0, which goes along with drawer_2_slide" in failure.message
