@@ -38,6 +38,11 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
+ACROSS_TURNS_RAD = (np.pi / 2, -np.pi / 2, 1.2, -1.2)
+"""The same of a base before a compartment, while the hand points along it: a hand is twice as wide as long fingers are
+apart, and next to a side wall it only fits in that way.
+"""
+
 UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
 OUT_M = 0.01
 """How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
@@ -142,9 +147,12 @@ class Pick:
         along_rad = None if robot.keeps_order else walls_rad(self.world, self.item)
         if along_rad is not None:
             yield from self._search(deep_goals(self._asset, self._T_item, along_rad), lift)
+        goals = item_goals(self._hand, self._asset, self._T_item)
         for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
             if reaches_m:
-                yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)
+                yield from self._search(goals, lift, reaches_m)
+        if not robot.keeps_order:
+            yield from self._search(goals, lift, all_turns_rad=(ACROSS_TURNS_RAD,))
 
     @property
     def _hand(self) -> HandShape:
@@ -159,10 +167,14 @@ class Pick:
         return self.world.T_world_link(self.item)
 
     def _search(
-        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] | None = None
+        self,
+        goals: list[HandGoal],
+        validate: Validate[Lift],
+        reaches_m: tuple[float, ...] | None = None,
+        all_turns_rad: tuple[tuple[float, ...], ...] = (TURNS_RAD, WIDE_TURNS_RAD),
     ) -> Iterator[Stance[Lift]]:
         fingers = fingers_may_touch(self.planner.robot, self.item)
-        for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
+        for turns_rad in all_turns_rad:
             yield from search_stances(
                 self.planner,
                 goals,
