@@ -15,7 +15,16 @@ from executor.assets.model import Asset
 from executor.geometry import Array, heading_of
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import SIDEWAYS_RAD, deep_goals, item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import (
+    LEANS_RAD,
+    SIDEWAYS_RAD,
+    deep_goals,
+    item_goals,
+    narrowed_goals,
+    rim_goals,
+    room_below_m,
+    top_goals,
+)
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -153,6 +162,23 @@ class Pick:
                 yield from self._search(goals, lift, reaches_m)
         if not robot.keeps_order:
             yield from self._search(goals, lift, all_turns_rad=(ACROSS_TURNS_RAD,))
+            if along_rad is not None:
+                goals += deep_goals(self._asset, self._T_item, along_rad)
+            yield from self._search(self._narrowed(goals), lift)
+
+    def narrow_rim_stances(self) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the item can be taken by its wall with fingers that are open little wider."""
+        if self._asset.rim is not None and not self.planner.robot.keeps_order:
+            goals = rim_goals(self._asset, self._T_item, (*LEANS_RAD, *SIDEWAYS_RAD))
+            yield from self._search(self._narrowed(goals, self._asset.rim.thickness_m), self._lifting(at_rim=True))
+
+    def _narrowed(self, goals: list[HandGoal], width_m: float | None = None) -> list[HandGoal]:
+        width_m = self._width_m if width_m is None else width_m
+        return narrowed_goals(goals, width_m, self.planner.kinematics.finger_upper_m)
+
+    @property
+    def _width_m(self) -> float:
+        return self._asset.graspable_width_m or min(self._asset.extent_m[:2])
 
     @property
     def _hand(self) -> HandShape:
@@ -188,8 +214,7 @@ class Pick:
     def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:
         """Return a validation of the lift: whether the moves can lift the item, held around it or at its wall."""
         asset, oracle = self._asset, self.planner.oracle
-        width_m = asset.graspable_width_m or min(asset.extent_m[:2])
-        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
+        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else self._width_m) / 2
         cargo = cargo_of(self.world, self.item)
         resting = held_may_touch(touching_any(self.world, (self.item, *cargo)))
         lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)

@@ -201,7 +201,10 @@ def _set_down(session: Session) -> None:
 
 
 def approach(session: Session, action: Action) -> StepResult:
-    """Move the hand to the pre-grasp pose; drive there first where the flow did not navigate."""
+    """Move the hand to the pre-grasp pose, with fingers no wider than there is room for.
+
+    It drives there first where the flow did not navigate.
+    """
     planned = with_stance(session) if session.plan.stance is None else session
     if isinstance(planned, Failure):
         return session.done(action, failure=planned)
@@ -223,6 +226,8 @@ def approach(session: Session, action: Action) -> StepResult:
     if failure is None:
         # The journey may have counted the base's yaw in another turn than the stance did.
         plan = replace(plan, stance=stance.turned(float(session.q[2] - start[2])))
+        if stance.opening_m is not None:
+            session.control.grip(stance.opening_m)
     return replace(session, plan=plan).done(action, _hand(session), failure=failure)
 
 

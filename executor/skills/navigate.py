@@ -379,6 +379,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
         yield pick.rim_stances(None if narrowed else _rim_check(session))
         if fits:
             yield pick.last_stances()
+        yield pick.narrow_rim_stances()
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
