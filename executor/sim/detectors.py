@@ -116,7 +116,7 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
     return tuple(sorted(owners - {object_id}))
 
 
-def _links_touching(world: World, object_id: str, other: str) -> frozenset[str]:
+def links_touching(world: World, object_id: str, other: str) -> frozenset[str]:
     """Return the links of another object that touch an object."""
     touching = (c for c in world.contacts({object_id}) if c.separation_m <= TOUCH_M)
     return frozenset(body.link for contact in touching for body in (contact.a, contact.b) if body.owner == other)
@@ -170,7 +170,7 @@ def _inside(world: World, object_id: str, container: str) -> AtomReading:
         return AtomReading(False, AtomMeasured(reason=f"{container} has no interior"))
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
-    links = _links_touching(world, object_id, container)
+    links = links_touching(world, object_id, container)
     fits = [
         max(fit, _stands_in(world, object_id, container, region)) if region.link in links else fit
         for fit, region in zip(fits, regions, strict=True)
