@@ -107,8 +107,24 @@ def rigid_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]
             return Swing(fraction, work.handle, partial=work.partial), NARROW_COST * abs(fractions[0] - fraction)
         return None
 
-    goals = handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link))
-    return search_stances(planner, goals, here, validate=validate, allowed=holding, turns_rad=HANDLE_TURNS_RAD)
+    def admits(base: Array) -> bool:
+        """Return whether the base has room along the smallest arc, which does not depend on the arm."""
+        planner.effort.add(CANDIDATE_S)
+        q, end = np.concatenate([base, planner.robot.home]), joint.position(fractions[-1])
+        arc = carry_joint(planner.robot, q, object_id, joint, work.T_root, now, end)
+        return not planner.floor.taken(arc.path[:, :3]).any()
+
+    # A door that stands open moves out of the base's way.
+    asks_floor = not planner.robot.keeps_order and joint.fraction(now) <= OPEN_FRACTION
+    return search_stances(
+        planner,
+        handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link)),
+        here,
+        validate=validate,
+        allowed=holding,
+        turns_rad=HANDLE_TURNS_RAD,
+        admits=admits if asks_floor else None,
+    )
 
 
 def tracked_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]:
