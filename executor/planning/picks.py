@@ -28,6 +28,7 @@ from executor.planning.grasps import (
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
+    BaseCandidate,
     HandGoal,
     Stance,
     Validate,
@@ -116,20 +117,25 @@ class Pick:
             allows_placement: Whether a hand at a pose (4, 4) can also place the item later; other stances come last.
         """
         goals, lift = item_goals(self._hand, self._asset, self._T_item), self._lifting()
+        if allows_placement is None:
+            yield from self._search(goals, lift)
+            return
+        allows, forward = allows_placement, self.planner.kinematics.forward
 
-        def lift_where(wanted: bool) -> Validate[Lift]:
-            forward = self.planner.kinematics.forward
+        def unsuited(q: Array) -> tuple[Lift, float] | None:
+            found = lift(q)
+            return None if found is None else (replace(found[0], suits_place=False), found[1])
 
-            def validate(q: Array) -> tuple[Lift, float] | None:
-                if allows_placement is not None and allows_placement(forward(q)) is not wanted:
-                    return None
-                found = lift(q)
-                return found if found is None or wanted else (replace(found[0], suits_place=False), found[1])
+        for wanted, validate in ((True, lift), (False, unsuited)):
 
-            return validate
+            def suited(q: Array, validate: Validate[Lift] = validate, wanted: bool = wanted) -> tuple[Lift, float] | None:
+                return validate(q) if allows(forward(q)) is wanted else None
 
-        for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
-            yield from self._search(goals, validate)
+            def admits(candidate: BaseCandidate, wanted: bool = wanted) -> bool:
+                return allows(candidate.goal.T_world_eef) is wanted
+
+            ordered = self.planner.robot.keeps_order
+            yield from self._search(goals, suited, admits=None if ordered else admits)
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.
@@ -198,6 +204,7 @@ class Pick:
         validate: Validate[Lift],
         reaches_m: tuple[float, ...] | None = None,
         all_turns_rad: tuple[tuple[float, ...], ...] = (TURNS_RAD, WIDE_TURNS_RAD),
+        admits: Callable[[BaseCandidate], bool] | None = None,
     ) -> Iterator[Stance[Lift]]:
         fingers = fingers_may_touch(self.planner.robot, self.item)
         for turns_rad in all_turns_rad:
@@ -209,6 +216,7 @@ class Pick:
                 allowed=fingers,
                 turns_rad=turns_rad,
                 reaches_m=reaches_m,
+                admits=admits,
             )
 
     def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:

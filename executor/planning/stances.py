@@ -445,7 +445,7 @@ def search_stances(
     turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
     reaches_m: tuple[float, ...] | None = None,
     batch: int = 60,
-    admits: Callable[[Array], bool] | None = None,
+    admits: Callable[[BaseCandidate], bool] | None = None,
 ) -> Iterator[Stance[Followup]]:
     """Yield stances, good ones first; asking for the next one means that the last one could not be used.
 
@@ -458,7 +458,7 @@ def search_stances(
         turns_rad: How far the base may face away from the goal's heading.
         reaches_m: How far before the hand the base may be.
         batch: How many free base poses to examine before settling for less.
-        admits: Whether a base pose (B,) allows what comes after, before any posture is solved for; None where all do.
+        admits: Whether a candidate allows what comes after, asked before any posture is solved for; None where all do.
     """
     solver = ArmSolver(planner)
     blocked, floor = BlockedGoals(planner.robot), FreeFloor(planner, PARKED_CLEARANCE_M)
@@ -467,7 +467,7 @@ def search_stances(
         for candidate in candidates_of(planner, goals, here, turns_rad, reaches_m):
             if candidate.goal in blocked or not floor.at(candidate.base):
                 continue
-            if admits is None or admits(candidate.base):
+            if admits is None or admits(candidate):
                 yield _stance(planner, solver, candidate, validate, allowed, blocked)
 
     return best_first(examine(), batch)
