@@ -61,14 +61,15 @@ GRIP_DEPTHS_M, DEPTH_COST = (0.016, 0.010), 0.1
 LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
 
-BESIDE_M, NARROWED_COST = (0.006, 0.003, 0.0015), 0.1
-"""How far each finger is beside what it is to close on, where there is no room for an open hand; twice what the robot
-is off its path, down to what hand and things keep anywhere at a grasp."""
-
 SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
 """The same of a hand that comes nearly level along the rim: under a board or into a microwave no steeper one gets.
 
 What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
+"""
+
+BESIDE_M, NARROWED_COST = (0.006, 0.003, 0.0015), 0.1
+"""How far each finger is beside what it is to close on where an open hand has no room: from three times what the robot
+is off its path down to what it keeps anywhere at a grasp.
 """
 
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.

@@ -49,8 +49,8 @@ WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
 ACROSS_TURNS_RAD = (np.pi / 2, -np.pi / 2, 1.2, -1.2)
-"""The same of a base before a compartment, while the hand points along it: a hand is twice as wide as long fingers are
-apart, and next to a side wall it only fits in that way.
+"""The same of a base before a compartment while the hand points along it: a hand is 20 cm wide along the line on which
+its fingers close, so that next to a side wall it fits in that way alone.
 """
 
 UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
@@ -128,8 +128,8 @@ class Pick:
 
         for wanted, validate in ((True, lift), (False, unsuited)):
 
-            def suited(q: Array, validate: Validate[Lift] = validate, wanted: bool = wanted) -> tuple[Lift, float] | None:
-                return validate(q) if allows(forward(q)) is wanted else None
+            def suited(q: Array, found: Validate[Lift] = validate, wanted: bool = wanted) -> tuple[Lift, float] | None:
+                return found(q) if allows(forward(q)) is wanted else None
 
             def admits(candidate: BaseCandidate, wanted: bool = wanted) -> bool:
                 return allows(candidate.goal.T_world_eef) is wanted

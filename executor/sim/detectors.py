@@ -324,8 +324,8 @@ def _fit(world: World, object_id: str, container: str, region: Region) -> tuple[
     offset, room = np.abs(center - np.asarray(region.center_m)), np.asarray(region.half_extents_m)
     depth, excess = float(np.min(room - offset)), float(np.max(offset + half - room))
     up = float((T_container_world[:3, :3] @ world.T_world_link(object_id)[:3, 2])[2])
-    # A saucer is in no cup that stands on it, though its middle is. A ball has no such way up: an apple that fills a cup
-    # is in it however it is turned, and the box of a round hollow is narrower than the hollow.
+    # A saucer is in no cup that stands on it, though its middle is. A ball has no such way up: an apple that fills a
+    # cup is in it however it is turned, and the box of a round hollow is narrower than the hollow.
     asset = world.assets[object_id]
     spare_m = float(room[:2].max()) - min(asset.extent_m[:2]) / 2
     lies = abs(up) > _UPRIGHT and not rolls_freely(asset)

@@ -195,8 +195,8 @@ def _set_down(session: Session) -> None:
     if met is None or any(hit.mover != HELD for hit in met[1]):
         return
     lowest, touched = way[: met[0] + 1], held_may_touch(hit.other.split("/")[0] for hit in met[1])
-    opened_m = planner.kinematics.finger_upper_m
-    if len(lowest) > 2 and not oracle.hits(lowest[-1], opening_m=opened_m, margin_m=OPENED_CLEARANCE_M, allowed=touched):
+    opened_m, end = planner.kinematics.finger_upper_m, lowest[-1]
+    if len(lowest) > 2 and not oracle.hits(end, opening_m=opened_m, margin_m=OPENED_CLEARANCE_M, allowed=touched):
         session.control.follow(lowest, speed=SET_DOWN_SPEED, monitor=session.monitor(touched))
 
 
