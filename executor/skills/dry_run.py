@@ -155,15 +155,15 @@ class DryWorld(World):
         before = self.state
         carried = self.move_joint(object_id, joint, position)
         self._look()
-        for a, b, gap_m in self.near(set(carried), -OVERLAP_M):
-            if ROBOT not in (a.owner, b.owner):
-                item, other = (a, b) if a.owner in carried else (b, a)
-                self.restore(before)
-                met = f"{item.owner} and {other.owner}/{other.link}"
-                message = f"{met} meet by {-1000 * gap_m:.0f} mm where {joint} would end"
-                found = Unplanned(target=object_id, in_the_way=(met,))
-                return Failure(FailureKind.NO_PATH, message, (found,))
-        return None
+        met = [pair for pair in self.near(set(carried), -OVERLAP_M) if ROBOT not in (pair[0].owner, pair[1].owner)]
+        if not met:
+            return None
+        self.restore(before)
+        a, b, gap_m = min(met, key=lambda pair: (pair[2], pair[0].owner, pair[1].owner))
+        item, other = (a, b) if a.owner in carried else (b, a)
+        pair = f"{item.owner} and {other.owner}/{other.link}"
+        message = f"{pair} meet by {-1000 * gap_m:.0f} mm where {joint} would end"
+        return Failure(FailureKind.NO_PATH, message, (Unplanned(target=object_id, in_the_way=(pair,)),))
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Return the pairs of bodies that touch or nearly do, with the forces that are taken for granted."""
