@@ -50,7 +50,15 @@ from executor.planning.grasps import (
 from executor.planning.openings import Serves
 from executor.planning.paths import spread_out
 from executor.planning.planner import Planner
-from executor.planning.stances import HandGoal, Stance, Validate, base_candidates, nearest_miss, search_stances
+from executor.planning.stances import (
+    BaseCandidate,
+    HandGoal,
+    Stance,
+    Validate,
+    base_candidates,
+    nearest_miss,
+    search_stances,
+)
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.system.effort import CANDIDATE_S
@@ -107,8 +115,20 @@ def rigid_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]
             return Swing(fraction, work.handle, partial=work.partial), NARROW_COST * abs(fractions[0] - fraction)
         return None
 
-    goals = handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link))
-    return search_stances(planner, goals, here, validate=validate, allowed=holding, turns_rad=HANDLE_TURNS_RAD)
+    def admits(candidate: BaseCandidate) -> bool:
+        """Return whether the base has room along the smallest arc, which does not depend on the arm."""
+        q, end = np.concatenate([candidate.base, planner.robot.home]), joint.position(fractions[-1])
+        return _has_floor(work, carry_joint(planner.robot, q, object_id, joint, work.T_root, now, end).path[:, :3], end)
+
+    return search_stances(
+        planner,
+        handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link)),
+        here,
+        validate=validate,
+        allowed=holding,
+        turns_rad=HANDLE_TURNS_RAD,
+        admits=None if planner.robot.keeps_order else admits,
+    )
 
 
 def tracked_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]:
@@ -283,16 +303,20 @@ def reachable_end(
 
 
 def _floor_allows(work: ArticulationTask, q: Array, share: Share, fraction: float, push: Push | None) -> bool:
-    """Return whether the base can go along to a fraction of the joint's range, before any posture is solved for.
+    """Return whether the base can go along to a fraction of the joint's range, before any posture is solved for."""
+    if work.planner.robot.keeps_order:
+        return True
+    end = work.joint.position(fraction)
+    return _has_floor(work, _course(work, q, share, end, push, COARSE).bases[:, :3], end)
+
+
+def _has_floor(work: ArticulationTask, bases: Array, end: float) -> bool:
+    """Return whether bases (N, 3) on the way to a joint's end are not within furniture.
 
     On the way a door that stands open moves out of the base's way, so that only where it ends excludes anything.
     """
     planner, joint = work.planner, work.joint
-    if planner.robot.keeps_order:
-        return True
     planner.effort.add(CANDIDATE_S)
-    end = joint.position(fraction)
-    bases = _course(work, q, share, end, push, COARSE).bases[:, :3]
     if joint.fraction(work.now) <= OPEN_FRACTION:
         return not planner.floor.taken(bases).any()
     with joints_at(planner, {(work.object_id, joint.name): end}):

@@ -11,11 +11,12 @@ import numpy as np
 
 from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, inverse
-from executor.sim.detectors import touching_bodies
+from executor.sim.detectors import links_touching, touching_bodies
 from executor.sim.engine import ROBOT
 from executor.sim.world import World
 
 OUT_BY_M = 0.02  # What is outside is so far beyond the front: ten times what the robot is off its path.
+UPWARD = 0.5  # Of an opening's direction: from here on a region is open at the top.
 EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
 
 
@@ -130,6 +131,11 @@ def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, 
             if region.kind == "interior" and wide_m > max(region.half_extents_m[:2]):
                 continue  # As a saucer is in no cup that stands on it.
             centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
-            if bool(np.all(np.abs(centre - np.array(region.center_m)) <= room)):
+            off = np.abs(centre - np.array(region.center_m)) - room
+            # What stands in a drawer goes along however far it stands out.
+            stands_out = region.opening[2] > UPWARD and centre[2] > region.center_m[2]
+            if bool(np.all(off <= 0.0)) or (
+                stands_out and bool(np.all(off[:2] <= 0.0)) and region.link in links_touching(world, item, object_id)
+            ):
                 found.append(item)
     return tuple(dict.fromkeys(found))

@@ -7,8 +7,8 @@ gripper pushes a panel shut from outside, or wider from inside where it stands a
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,6 +65,11 @@ SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
 """The same of a hand that comes nearly level along the rim: under a board or into a microwave no steeper one gets.
 
 What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
+"""
+
+BESIDE_M, NARROWED_COST = (0.006, 0.003, 0.0015), 0.1
+"""How far each finger is beside what it is to close on where an open hand has no room: from three times what the robot
+is off its path down to what it keeps anywhere at a grasp.
 """
 
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
@@ -283,6 +288,25 @@ def rim_goals(asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] 
         cost = DEPTH_COST * rank + (LEAN_COST if lean else 0.0)
         goals.append(HandGoal(T, heading_of_hand(T, middle), cost))
     return goals
+
+
+def narrowed_goals(goals: Iterable[HandGoal], width_m: float, finger_upper_m: float) -> list[HandGoal]:
+    """Return the same hand poses of fingers that are open little wider than what they close on, the wider ones first.
+
+    Beside a wall, or between things, there is no room for fingers that are open all the way.
+
+    Args:
+        goals: The poses.
+        width_m: Of what the fingers close on.
+        finger_upper_m: Position of each finger that is open all the way.
+    """
+    openings_m = [(rank, width_m / 2 + beside_m) for rank, beside_m in enumerate(BESIDE_M)]
+    return [
+        replace(goal, opening_m=opening_m, cost=goal.cost + NARROWED_COST * rank)
+        for goal in goals
+        for rank, opening_m in openings_m
+        if opening_m < finger_upper_m
+    ]
 
 
 def is_held_at_rim(asset: Asset, carried: Carried) -> bool:

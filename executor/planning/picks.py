@@ -15,10 +15,20 @@ from executor.assets.model import Asset
 from executor.geometry import Array, heading_of
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import SIDEWAYS_RAD, deep_goals, item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import (
+    LEANS_RAD,
+    SIDEWAYS_RAD,
+    deep_goals,
+    item_goals,
+    narrowed_goals,
+    rim_goals,
+    room_below_m,
+    top_goals,
+)
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
+    BaseCandidate,
     HandGoal,
     Stance,
     Validate,
@@ -37,6 +47,11 @@ from oag.sizes import Gripper
 TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
+
+ACROSS_TURNS_RAD = (np.pi / 2, -np.pi / 2, 1.2, -1.2)
+"""The same of a base before a compartment while the hand points along it: a hand is 20 cm wide along the line on which
+its fingers close, so that next to a side wall it fits in that way alone.
+"""
 
 UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
 OUT_M = 0.01
@@ -102,20 +117,25 @@ class Pick:
             allows_placement: Whether a hand at a pose (4, 4) can also place the item later; other stances come last.
         """
         goals, lift = item_goals(self._hand, self._asset, self._T_item), self._lifting()
+        if allows_placement is None:
+            yield from self._search(goals, lift)
+            return
+        allows, forward = allows_placement, self.planner.kinematics.forward
 
-        def lift_where(wanted: bool) -> Validate[Lift]:
-            forward = self.planner.kinematics.forward
+        def unsuited(q: Array) -> tuple[Lift, float] | None:
+            found = lift(q)
+            return None if found is None else (replace(found[0], suits_place=False), found[1])
 
-            def validate(q: Array) -> tuple[Lift, float] | None:
-                if allows_placement is not None and allows_placement(forward(q)) is not wanted:
-                    return None
-                found = lift(q)
-                return found if found is None or wanted else (replace(found[0], suits_place=False), found[1])
+        for wanted, validate in ((True, lift), (False, unsuited)):
 
-            return validate
+            def suited(q: Array, found: Validate[Lift] = validate, wanted: bool = wanted) -> tuple[Lift, float] | None:
+                return found(q) if allows(forward(q)) is wanted else None
 
-        for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
-            yield from self._search(goals, validate)
+            def admits(candidate: BaseCandidate, wanted: bool = wanted) -> bool:
+                return allows(candidate.goal.T_world_eef) is wanted
+
+            ordered = self.planner.robot.keeps_order
+            yield from self._search(goals, suited, admits=None if ordered else admits)
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.
@@ -142,9 +162,29 @@ class Pick:
         along_rad = None if robot.keeps_order else walls_rad(self.world, self.item)
         if along_rad is not None:
             yield from self._search(deep_goals(self._asset, self._T_item, along_rad), lift)
+        goals = item_goals(self._hand, self._asset, self._T_item)
         for reaches_m in (robot.close_reaches_m, robot.far_reaches_m):
             if reaches_m:
-                yield from self._search(item_goals(self._hand, self._asset, self._T_item), lift, reaches_m)
+                yield from self._search(goals, lift, reaches_m)
+        if not robot.keeps_order:
+            yield from self._search(goals, lift, all_turns_rad=(ACROSS_TURNS_RAD,))
+            if along_rad is not None:
+                goals += deep_goals(self._asset, self._T_item, along_rad)
+            yield from self._search(self._narrowed(goals), lift)
+
+    def narrow_rim_stances(self) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the item can be taken by its wall with fingers that are open little wider."""
+        if self._asset.rim is not None and not self.planner.robot.keeps_order:
+            goals = rim_goals(self._asset, self._T_item, (*LEANS_RAD, *SIDEWAYS_RAD))
+            yield from self._search(self._narrowed(goals, self._asset.rim.thickness_m), self._lifting(at_rim=True))
+
+    def _narrowed(self, goals: list[HandGoal], width_m: float | None = None) -> list[HandGoal]:
+        width_m = self._width_m if width_m is None else width_m
+        return narrowed_goals(goals, width_m, self.planner.kinematics.finger_upper_m)
+
+    @property
+    def _width_m(self) -> float:
+        return self._asset.graspable_width_m or min(self._asset.extent_m[:2])
 
     @property
     def _hand(self) -> HandShape:
@@ -159,10 +199,15 @@ class Pick:
         return self.world.T_world_link(self.item)
 
     def _search(
-        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] | None = None
+        self,
+        goals: list[HandGoal],
+        validate: Validate[Lift],
+        reaches_m: tuple[float, ...] | None = None,
+        all_turns_rad: tuple[tuple[float, ...], ...] = (TURNS_RAD, WIDE_TURNS_RAD),
+        admits: Callable[[BaseCandidate], bool] | None = None,
     ) -> Iterator[Stance[Lift]]:
         fingers = fingers_may_touch(self.planner.robot, self.item)
-        for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
+        for turns_rad in all_turns_rad:
             yield from search_stances(
                 self.planner,
                 goals,
@@ -171,13 +216,13 @@ class Pick:
                 allowed=fingers,
                 turns_rad=turns_rad,
                 reaches_m=reaches_m,
+                admits=admits,
             )
 
     def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:
         """Return a validation of the lift: whether the moves can lift the item, held around it or at its wall."""
         asset, oracle = self._asset, self.planner.oracle
-        width_m = asset.graspable_width_m or min(asset.extent_m[:2])
-        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
+        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else self._width_m) / 2
         cargo = cargo_of(self.world, self.item)
         resting = held_may_touch(touching_any(self.world, (self.item, *cargo)))
         lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -168,6 +168,7 @@ class PlaceSearch:
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
         to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
+        suits: Whether a place (3,) of the thing's middle is where a subtask wants it; None where all of a region is.
         landed: What was found out so far of where the thing ends (`Planner.lands`), by how it is let go of.
     """
 
@@ -177,6 +178,7 @@ class PlaceSearch:
     regions: list[Region]
     q: Array
     to_come_m: float = 0.0
+    suits: Callable[[Array], bool] | None = None
     landed: dict[tuple[int, ...], bool] = field(default_factory=dict)
 
     @property
@@ -297,6 +299,9 @@ class PlaceSearch:
             seed=self.planner.seed,
             to_come_m=self.to_come_m,
         )
+        if self.suits is not None:
+            middle = self.carried.T_eef_object[:, 3]
+            goals = [goal for goal in goals if self.suits((goal.T_world_eef @ middle)[:3])]
         near = self.planner.near
         if near is None or self.support not in self.world.dynamic_ids:
             return goals

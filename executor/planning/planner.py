@@ -55,6 +55,9 @@ NEAR_SAMPLES = 300
 """So many samples search for a path of the base near by; from then on every other one covers all furniture."""
 
 AROUND_M = 0.8  # Around all furniture, so that paths lead round it.
+MOST_LINES, LINE_DIGITS = 64, 9
+"""How many lines are remembered, and to how many digits [m, rad] their ends are the same."""
+
 WAYPOINT_M = 0.01  # Between waypoints of a line.
 SPILL_COSINE = float(np.cos(np.deg2rad(20.0)))
 """Of how far a carrier may lean on its way: less than the walls of bowls rise, and what stands on a plate tips over."""
@@ -99,6 +102,7 @@ class Planner:
         self._drives: list[Array] = []
         self.near: Near | None = None
         self.lands: Callable[[Array], bool] | None = None
+        self._lines: dict[bytes, LinePlan] = {}
         self._around = _around_everything(oracle.world)
 
     def start_subtask(self, world: World, seed: int, index: int) -> None:
@@ -135,6 +139,17 @@ class Planner:
         Returns:
             The path with q as its first row.
         """
+        if self.robot.keeps_order:
+            return self._line(q, T_world_eef)
+        # Moves of several lengths before and after each other have most of their lines in common.
+        key = np.round(np.concatenate([q, T_world_eef.ravel()]), LINE_DIGITS).tobytes()
+        if key not in self._lines:
+            if len(self._lines) >= MOST_LINES:
+                self._lines.clear()
+            self._lines[key] = self._line(q, T_world_eef)
+        return self._lines[key]
+
+    def _line(self, q: Array, T_world_eef: Array) -> LinePlan:
         poses = interpolate_poses(self.kinematics.forward(q), T_world_eef, WAYPOINT_M)
         path, residual_m = self.tracker.track(q, poses)
         if path is None:

@@ -68,12 +68,14 @@ class HandGoal:
         heading_rad: The heading from which the robot faces it.
         cost: In rad of joint margin.
         region: Name of the region that a held thing would be put into, for placements.
+        opening_m: Position of each finger as the hand comes; None for fingers that are open all the way.
     """
 
     T_world_eef: Array
     heading_rad: float
     cost: float = 0.0
     region: str = ""
+    opening_m: float | None = None
 
     def base_before(self, robot: Robot, reach_m: float, turn_rad: float) -> Array:
         """Return the base's coordinates (B,) at a distance before the hand, turned from the goal's heading."""
@@ -416,6 +418,7 @@ class Stance(Generic[Followup]):
         clearance_m: Distance of the robot at the goal to everything that it must not touch, at most `ROOMY_M`.
         followup: The validation's plan for the motion that comes after.
         score: Joint margin less costs; larger is better.
+        opening_m: Position of each finger during the approach; None for fingers that are open all the way.
     """
 
     robot: Robot
@@ -425,6 +428,7 @@ class Stance(Generic[Followup]):
     clearance_m: float
     followup: Followup
     score: float
+    opening_m: float | None = None
 
     @property
     def base(self) -> Array:
@@ -456,6 +460,7 @@ def search_stances(
     turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
     reaches_m: tuple[float, ...] | None = None,
     batch: int = 60,
+    admits: Callable[[BaseCandidate], bool] | None = None,
 ) -> Iterator[Stance[Followup]]:
     """Yield stances, good ones first; asking for the next one means that the last one could not be used.
 
@@ -468,13 +473,16 @@ def search_stances(
         turns_rad: How far the base may face away from the goal's heading.
         reaches_m: How far before the hand the base may be.
         batch: How many free base poses to examine before settling for less.
+        admits: Whether a candidate allows what comes after, asked before any posture is solved for; None where all do.
     """
     solver = ArmSolver(planner)
     blocked, floor = BlockedGoals(planner.robot), FreeFloor(planner, PARKED_CLEARANCE_M)
 
     def examine() -> Iterator[Stance[Followup] | None]:
         for candidate in candidates_of(planner, goals, here, turns_rad, reaches_m):
-            if candidate.goal not in blocked and floor.at(candidate.base):
+            if candidate.goal in blocked or not floor.at(candidate.base):
+                continue
+            if admits is None or admits(candidate):
                 yield _stance(planner, solver, candidate, validate, allowed, blocked)
 
     return best_first(examine(), batch)
@@ -490,7 +498,8 @@ def _stance(
 ) -> Stance[Followup] | None:
     """Return the first stance at a base pose whose approach is free and whose follow-up is possible, or None."""
     oracle, kinematics = planner.oracle, planner.kinematics
-    opening_m = kinematics.finger_upper_m
+    narrowed_m = candidate.goal.opening_m
+    opening_m = kinematics.finger_upper_m if narrowed_m is None else narrowed_m
     for solution in solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=True)[:3]:
         q = np.concatenate([candidate.base, solution.arm])
         if hits := oracle.hits(q, opening_m=opening_m, margin_m=GRASP_CLEARANCE_M, allowed=allowed):
@@ -515,5 +524,5 @@ def _stance(
         margin = kinematics.margin(line[:, planner.robot.arm])
         clearance_m = oracle.gap_m(q, ROOMY_M, opening_m=opening_m, allowed=allowed)
         score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - extra - tightness_cost(clearance_m)
-        return Stance(planner.robot, q, line[::-1].copy(), margin, clearance_m, followup, score)
+        return Stance(planner.robot, q, line[::-1].copy(), margin, clearance_m, followup, score, narrowed_m)
     return None

@@ -131,10 +131,18 @@ def regions_next_to(world: World, item: str, support: str, regions: Iterable[Reg
         # Boxes are along the world's axes; the thing is a disc, as for all placements.
         reach_m = _extent_towards(half, direction) + width_m / 2 + gap_m
         at = np.array([*(centre[:2] + reach_m * direction), centre[2]])
-        if not _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
+        if not is_next_to(world, item, where, at):
             continue
         found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
     return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
+
+
+def is_next_to(world: World, item: str, where: Where, at: Array) -> bool:
+    """Return whether an item whose middle is at a point (3,) would be at the named side of the other thing."""
+    centre, half = box_around(world, where.other)
+    size_m = world.assets[item].extent_m
+    width_m = max(size_m[:2])
+    return _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, world.scene.robot.yaw_rad)
 
 
 def _extent_towards(half: Array, direction: Array) -> float:

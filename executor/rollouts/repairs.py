@@ -253,8 +253,11 @@ def opened_wider(failed: Failed) -> Iterator[Repair]:
             task = _with(failed.task, first, more)
             yield Repair(task, first, failed.index + 1, Detour(first, 1, reason), failed.avoided)
             continue
-        motions = (first_of(step.measurements, JointMotion) for step in failed.before[opening].steps)
-        reached = max((motion.fraction_reached for motion in motions if motion is not None), default=0.0)
+        found = (first_of(step.measurements, JointMotion) for step in failed.before[opening].steps)
+        motions = [motion for motion in found if motion is not None]
+        if motions and not {motion.joint for motion in motions} & _joints_met(failed, name):
+            continue  # Another door of it is in the way: this one does not move that.
+        reached = max((motion.fraction_reached for motion in motions), default=0.0)
         for wider in (fraction for fraction in WIDER_FRACTIONS if fraction > reached + WIDER_BY):
             task = _opening_to(failed.task, opening, wider)
             yield Repair(task, opening, failed.index, Detour(opening, 0, reason), failed.avoided)
@@ -325,6 +328,14 @@ def _doors(failed: Failed) -> list[str]:
             if name in within and any(handle.link == link for handle in asset_for(failed.scene[name]).handles)
         )
     )
+
+
+def _joints_met(failed: Failed, name: str) -> set[str]:
+    """Return the joints of a fixture whose doors or drawers are in the way."""
+    failure = failed.record.failure
+    found = first_of(failure.measurements, Unplanned) if failure is not None else None
+    met = {part for pair in (found.in_the_way or () if found else ()) for part in pair.split()}
+    return {handle.joint for handle in asset_for(failed.scene[name]).handles if f"{name}/{handle.link}" in met}
 
 
 def _opens(subtask: SimpleTask, name: str) -> bool:

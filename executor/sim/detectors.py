@@ -23,7 +23,7 @@ import numpy as np
 
 from bddl import Atom, literals, near_names
 from bddl.errors import Scene2DemoError
-from executor.assets.asset_geometry import bounds
+from executor.assets.asset_geometry import bounds, rolls_freely
 from executor.assets.footprint import parts_gap_m, solid_parts
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
@@ -116,7 +116,7 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
     return tuple(sorted(owners - {object_id}))
 
 
-def _links_touching(world: World, object_id: str, other: str) -> frozenset[str]:
+def links_touching(world: World, object_id: str, other: str) -> frozenset[str]:
     """Return the links of another object that touch an object."""
     touching = (c for c in world.contacts({object_id}) if c.separation_m <= TOUCH_M)
     return frozenset(body.link for contact in touching for body in (contact.a, contact.b) if body.owner == other)
@@ -170,7 +170,7 @@ def _inside(world: World, object_id: str, container: str) -> AtomReading:
         return AtomReading(False, AtomMeasured(reason=f"{container} has no interior"))
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
-    links = _links_touching(world, object_id, container)
+    links = links_touching(world, object_id, container)
     fits = [
         max(fit, _stands_in(world, object_id, container, region)) if region.link in links else fit
         for fit, region in zip(fits, regions, strict=True)
@@ -324,9 +324,12 @@ def _fit(world: World, object_id: str, container: str, region: Region) -> tuple[
     offset, room = np.abs(center - np.asarray(region.center_m)), np.asarray(region.half_extents_m)
     depth, excess = float(np.min(room - offset)), float(np.max(offset + half - room))
     up = float((T_container_world[:3, :3] @ world.T_world_link(object_id)[:3, 2])[2])
-    # A saucer is in no cup that stands on it, though its middle is.
-    spare_m = float(room[:2].max()) - min(world.assets[object_id].extent_m[:2]) / 2
-    return (min(depth, spare_m) if spare_m < 0.0 and abs(up) > _UPRIGHT else depth), excess
+    # A saucer is in no cup that stands on it, though its middle is. A ball has no such way up: an apple that fills a
+    # cup is in it however it is turned, and the box of a round hollow is narrower than the hollow.
+    asset = world.assets[object_id]
+    spare_m = float(room[:2].max()) - min(asset.extent_m[:2]) / 2
+    lies = abs(up) > _UPRIGHT and not rolls_freely(asset)
+    return (min(depth, spare_m) if spare_m < 0.0 and lies else depth), excess
 
 
 def _stands_in(world: World, object_id: str, container: str, region: Region) -> tuple[float, float]:

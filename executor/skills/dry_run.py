@@ -22,13 +22,14 @@ from scipy.spatial.transform import Rotation
 from executor.assets.asset_geometry import rolls_freely
 from executor.geometry import Array, inverse, pose_vector
 from executor.planning.cargo import cargo_of, riders
-from executor.records import Failure
+from executor.records import Failure, FailureKind
 from executor.sim.detectors import touching_bodies
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor, Pushed, settle_to_rest
 from oag import Scene
+from oag.measurements import Unplanned
 
 GRIP_N = 30.0
 """Force of a finger on what it holds [N]."""
@@ -137,8 +138,8 @@ class DryWorld(World):
         self.robot.set_qpos(qpos)
         self._stale = True
 
-    def move_joint(self, object_id: str, joint: str, position: float) -> None:
-        """Move a joint, with what its link carries."""
+    def move_joint(self, object_id: str, joint: str, position: float) -> tuple[str, ...]:
+        """Move a joint, with what its link carries; return the ids of that."""
         link = self.assets[object_id].joint(joint).child
         carried, T_before = riders(self, object_id, link), self.T_world_link(object_id, link)
         self._joints[object_id][self._joint_index(object_id, joint)] = position
@@ -147,6 +148,22 @@ class DryWorld(World):
             self.put(item, moved @ self._poses[item])
         self._disturbed.add(object_id)
         self._stale = True
+        return carried
+
+    def carry(self, object_id: str, joint: str, position: float) -> Failure | None:
+        """Move a joint, or leave it and return why: what its link carries would end within something."""
+        before = self.state
+        carried = self.move_joint(object_id, joint, position)
+        self._look()
+        met = [pair for pair in self.near(set(carried), -OVERLAP_M) if ROBOT not in (pair[0].owner, pair[1].owner)]
+        if not met:
+            return None
+        self.restore(before)
+        a, b, gap_m = min(met, key=lambda pair: (pair[2], pair[0].owner, pair[1].owner))
+        item, other = (a, b) if a.owner in carried else (b, a)
+        pair = f"{item.owner} and {other.owner}/{other.link}"
+        message = f"{pair} meet by {-1000 * gap_m:.0f} mm where {joint} would end"
+        return Failure(FailureKind.NO_PATH, message, (Unplanned(target=object_id, in_the_way=(pair,)),))
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Return the pairs of bodies that touch or nearly do, with the forces that are taken for granted."""
@@ -323,7 +340,8 @@ class DryController(Controller):
         """Put the robot at a path's end; return why it ended early, or None."""
         if carries is not None:
             if len(carries) == 3:
-                self.world.move_joint(*carries)
+                if (failure := self.world.carry(*carries)) is not None:
+                    return failure
             else:
                 self.world.put(*carries)
             self._go(path[-1])

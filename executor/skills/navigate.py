@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -45,7 +46,7 @@ from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance
-from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
+from executor.planning.whereabouts import handles_of, is_next_to, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
@@ -379,6 +380,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
         yield pick.rim_stances(None if narrowed else _rim_check(session))
         if fits:
             yield pick.last_stances()
+        yield pick.narrow_rim_stances()
 
 
 def _lifts_m(session: Session) -> tuple[float, ...]:
@@ -558,7 +560,11 @@ def _search(session: Session, support: str) -> PlaceSearch:
     regions, assets = regions_for(session.world, session.subtask), session.believed.assets
     later = {one.target for one in session.later if one.support_goal == support} - {session.subtask.target}
     to_come_m = max((max(assets[name].extent_m[:2]) for name in later if name in assets), default=0.0)
-    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m)
+    where, suits = session.subtask.where, None
+    if where is not None and where.other and not session.planner.robot.keeps_order:
+        # A spot of a compartment has others before and behind it, which are not at the named side.
+        suits = partial(is_next_to, session.believed, session.subtask.target, where)
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m, suits)
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:

@@ -64,3 +64,21 @@ def test_a_door_takes_the_floor_where_it_stands(kitchen: Planner) -> None:
         kitchen.oracle.set_joint(DOOR, position)
         counts.append(int(kitchen.floor.taken(np.array(before)).sum()))
     assert counts[0] < counts[1]
+
+
+@pytest.mark.parametrize(("robot", "remembered"), [("panda-lift", True), ("paper", False)])
+def test_a_line_that_was_planned_is_remembered_where_no_stored_result_counts_the_effort(
+    robot: str, remembered: bool
+) -> None:
+    scene = scene_at_paper_size("kitchen_t1").with_robot(robot)
+    with World(scene, oracle=True) as oracle:
+        planner = Planner(CollisionOracle(oracle))
+        q = np.array(planner.robot.start(-0.5, 0.0, 0.0))[: planner.robot.movers]
+        T = planner.kinematics.forward(q)
+        T[2, 3] -= 0.03
+        first, second = planner.line(q, T), planner.line(q, T)
+        assert first.path is not None and second.path is not None
+        assert np.array_equal(first.path, second.path) and (first is second) is remembered
+        T[2, 3] -= 0.03
+        farther = planner.line(q, T).path
+        assert farther is not None and not np.array_equal(first.path, farther)

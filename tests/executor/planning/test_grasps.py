@@ -8,7 +8,15 @@ import pytest
 from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
-from executor.planning.grasps import FINGERTIPS_M, HOLDING_SHARE, ITEM_HEADINGS, deep_goals, item_goals
+from executor.planning.grasps import (
+    BESIDE_M,
+    FINGERTIPS_M,
+    HOLDING_SHARE,
+    ITEM_HEADINGS,
+    deep_goals,
+    item_goals,
+    narrowed_goals,
+)
 from oag import SceneObject
 from oag.model.robots import LIFTED, PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
@@ -131,3 +139,15 @@ def test_something_deep_is_taken_near_its_front_where_it_is_as_wide() -> None:
     level = [goal.T_world_eef for goal in item_goals(HAND, asset, np.eye(4)) if abs(goal.T_world_eef[2, 2]) < 1e-6]
     assert level
     assert all(np.linalg.norm(T[:2, 3]) > FINGERTIPS_M for T in level)
+
+
+@pytest.mark.parametrize(("width_m", "ways"), [(0.03, len(BESIDE_M)), (0.076, 1), (0.08, 0)])
+def test_fingers_are_open_a_little_wider_than_what_they_close_on_and_never_wider_than_they_get(
+    width_m: float, ways: int
+) -> None:
+    goals = item_goals(FULL.hand, asset_for(sample("red_apple", 3)), np.eye(4))
+    narrowed = narrowed_goals(goals, width_m, FULL.hand.opening_m / 2)
+    assert len(narrowed) == ways * len(goals)
+    for goal in narrowed:
+        assert goal.opening_m is not None and width_m / 2 < goal.opening_m < FULL.hand.opening_m / 2
+    assert all(goal.opening_m is None for goal in goals)

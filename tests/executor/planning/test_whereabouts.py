@@ -12,7 +12,14 @@ import pytest
 
 import bddl
 import llm
-from executor.planning.whereabouts import handles_of, parts_named, read_where, regions_next_to, regions_of
+from executor.planning.whereabouts import (
+    handles_of,
+    is_next_to,
+    parts_named,
+    read_where,
+    regions_next_to,
+    regions_of,
+)
 from executor.rollouts.capacity import first_misfit, no_part
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
@@ -165,11 +172,10 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
     where = Where(relation, "mug_0")
     put = SimpleTask("put", "", "can_0", None, "table_0", bddl.Atom("inside", ("can_0", GRIPPER)), on, (), where=where)
     scene, c, s = _scene(yaw_deg), np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
-    with World(scene, oracle=True) as world:
-        table = world.assets["table_0"]
-        spots = regions_next_to(world, "can_0", "table_0", table.regions, where)
-        assert spots
-        mug = np.array(scene["mug_0"].position)
+    mugs = World(scene, oracle=True)
+    spots = regions_next_to(mugs, "can_0", "table_0", mugs.assets["table_0"].regions, where)
+    assert spots
+    mug = np.array(scene["mug_0"].position)
     for spot in spots[::3]:
         at = (np.array([*scene["table_0"].position[:2], 0.0]) + np.array(spot.center_m))[:2]
         apart = at - mug[:2]
@@ -178,6 +184,9 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
         sides = np.array(scene["mug_0"].extent_m[:2]) + np.array(scene["can_0"].extent_m[:2])
         gap_m = np.linalg.norm(np.maximum(np.abs(apart) - sides / 2, 0.0))
         assert 0.0 < gap_m < 0.06
+        height_m = scene["mug_0"].position[2]
+        assert is_next_to(mugs, "can_0", where, np.array([*at, height_m]))
+        assert not is_next_to(mugs, "can_0", where, np.array([*(at + 0.05 * apart / np.linalg.norm(apart)), height_m]))
         x, y = map(float, at)
         moved = replace(scene["can_0"], position=(x, y, scene["can_0"].position[2]))
         with World(replace(scene, objects={**scene.objects, "can_0": moved}), oracle=True) as world:
@@ -185,6 +194,7 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
             assert reading.satisfied
             (other,) = read_where(replace(put, where=Where(relation, "cabinet_0")), world)
             assert not other.satisfied
+    mugs.close()
 
 
 @pytest.mark.slow

@@ -12,10 +12,12 @@ import bddl
 import executor
 import llm
 import oag
+from executor.geometry import transform
 from executor.records import Event, FailureKind
 from executor.rollouts import feasibility
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import judge
+from executor.scenes.file import complete_scene
 from executor.scenes.generators import any_task
 from executor.scenes.library import load
 from executor.scenes.placement import AtEdge, PlaceSpec, place, stand_robot
@@ -230,6 +232,29 @@ def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
         assert joint.fraction(world.joint_position("refrigerator_0", joint.name)) == pytest.approx(0.5, abs=1e-6)
         contacts = world.contacts({"refrigerator_0"})
         assert not any(contact.impulse_ns > 0.0 for contact in contacts)
+
+
+@pytest.mark.parametrize(("height_m", "closes"), [(0.08, True), (0.30, False)])
+def test_a_drawer_does_not_close_with_what_stands_out_of_it(height_m: float, closes: bool) -> None:
+    things = {
+        "cabinet_0": {"category": "bottom_cabinet", "model": "cabinet_drawers", "position": [1.0, 0.0]},
+        "can_0": {"category": "can", "position": [-1.0, -1.0, height_m / 2], "bbox_extent": [0.06, 0.06, height_m]},
+    }
+    scene = complete_scene({"robot": {"position": [-1.0, 0.0]}, "objects": things}).scene
+    assert scene is not None
+    with DryWorld(scene, Checkpoint.at_start(scene).packed) as world:
+        asset = world.assets["cabinet_0"]
+        region = next(region for region in asset.regions if region.name == "drawer_1")
+        joint = next(joint for joint in asset.joints if joint.child == region.link)
+        assert world.carry("cabinet_0", joint.name, joint.position(0.9)) is None
+        floor_m = world.T_world_link("cabinet_0", region.link) @ (*region.floor_m, 1.0)
+        world.put("can_0", transform(np.eye(3), floor_m[:3] + [0.0, 0.0, height_m / 2]))
+        failure = world.carry("cabinet_0", joint.name, joint.position(0.0))
+        assert (failure is None) is closes, failure
+        shut = 0.0 if closes else 0.9
+        assert joint.fraction(world.joint_position("cabinet_0", joint.name)) == pytest.approx(shut, abs=1e-6)
+        if failure is not None:
+            assert "can_0 and cabinet_0/" in failure.message
 
 
 def test_a_search_without_an_end_ends_with_what_met_most_often(kitchen: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

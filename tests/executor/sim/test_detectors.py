@@ -161,6 +161,22 @@ def test_an_apple_dropped_into_a_bowl_is_inside_it(make_world: MakeWorld) -> Non
     assert value(world, "ontop", "bowl_0", "table_0") is True
 
 
+@pytest.mark.parametrize("turned_deg", [0.0, 15.0, 90.0])
+@pytest.mark.parametrize(("category", "inside"), [("apple", True), ("plate", False)])
+def test_a_ball_that_fills_a_cup_is_in_it_however_it_is_turned(category: str, inside: bool, turned_deg: float) -> None:
+    kitchen = load("kitchen_t1")
+    upright, one, top_m = (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.60
+    cup = SceneObject("cup_0", "cup", "cup", (0.0, -1.3, top_m + 0.041), upright, (0.078, 0.078, 0.082), one, {})
+    model, size = ("red_apple", (0.066,) * 3) if inside else ("plate", (0.10, 0.10, 0.012))
+    thing = SceneObject(f"{category}_0", category, model, (0.5, -1.3, top_m + 0.04), upright, size, one, {})
+    with World(replace(kitchen, objects={**kitchen.objects, "cup_0": cup, thing.id: thing})) as world:
+        turn = Rotation.from_euler("y", turned_deg if inside else 0.0, degrees=True).as_matrix()
+        height_m = top_m + 0.038 if inside else top_m + 0.082 + size[2] / 2
+        world.set_object_pose(thing.id, at(0.0, -1.3, height_m, turn))
+        settle(world, 0.3)
+        assert value(world, "inside", thing.id, "cup_0") is inside
+
+
 @pytest.mark.parametrize(
     ("off_m", "up_m", "tilted_deg", "inside"),
     [
