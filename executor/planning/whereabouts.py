@@ -131,7 +131,7 @@ def regions_next_to(world: World, item: str, support: str, regions: Iterable[Reg
         # Boxes are along the world's axes; the thing is a disc, as for all placements.
         reach_m = _extent_towards(half, direction) + width_m / 2 + gap_m
         at = np.array([*(centre[:2] + reach_m * direction), centre[2]])
-        if not _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
+        if not is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
             continue
         found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
     return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
@@ -157,7 +157,7 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     return replace(region, center_m=(x, y, region.center_m[2]), half_extents_m=(along, across, up))
 
 
-def _is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
+def is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
     """Decide whether a box is on the named side of another one, and near: by `nextto`'s gap, or a few centimetres."""
     gap_m = np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]
     if np.linalg.norm(gap_m) > max(float(np.mean(item_half + half)) / 3.0, _NEAR_M):
@@ -182,7 +182,7 @@ def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
     if where.other:
         (at, item_half), (centre, half) = box_around(world, target), box_around(world, where.other)
         gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]))
-        holds = _is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
+        holds = is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
         return (GoalReading(words, True, holds, AtomMeasured(gap_m=round(gap_m, 4))),)
     if support is None:
         fractions = {

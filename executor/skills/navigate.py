@@ -48,6 +48,7 @@ from executor.planning.stances import HandGoal, Stance
 from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
+from executor.skills.push import PushSearch, pushes
 from executor.skills.session import Session, StepResult
 from executor.skills.way_out import WayOut, is_out, pulled_rad
 from oag import Action, Primitive, SimpleTask
@@ -310,7 +311,11 @@ def with_stance(session: Session) -> Session | Failure:
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-    if articulation is not None and asset.handles:
+    pushing = PushSearch(session) if pushes(session.subtask) else None
+    if pushing is not None:
+        where = f"the place behind {target}"
+        planned = adopt_first(session, lambda _: iter([pushing.stances()]))
+    elif articulation is not None and asset.handles:
         action = articulation[1]
         handles = tuple(bar for bar in _handles_for(session, action) if asset.joint(bar.joint).opens)
         if not handles:
@@ -336,6 +341,8 @@ def with_stance(session: Session) -> Session | Failure:
     if isinstance(planned, Session):
         return planned
     if planned == 0:
+        if pushing is not None:
+            return pushing.explain_failure()
         if articulation is not None and asset.handles:
             return explain_failure(
                 ArticulationTask(planner, world, target, handles[0], articulation[1]),
