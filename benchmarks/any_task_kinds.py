@@ -1,4 +1,4 @@
-"""How much of each hard kind of wish succeeds in homes drawn as for T7: high, contents, parts, next to, stacks, blocked.
+"""How much of each hard kind of wish succeeds in homes drawn as for T7, and why the others do not.
 
 python benchmarks/any_task_kinds.py --each 12 --seed 85000 --results kinds.jsonl
 

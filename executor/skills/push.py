@@ -1,7 +1,7 @@
 """Pushing: a thing goes straight along what it stands on, until it is at the side of another one that a subtask names.
 
 Nothing is taken, so that it may be wider than the gripper opens. APPROACH brings the hand over the place behind it,
-CONVERGE down to there, and MOVE_EEF_FORWARD makes the stroke: the fingers, one on each side of the thing's middle, press
+CONVERGE down to there, and MOVE_EEF_FORWARD makes the stroke: the fingers, on both sides of its middle, press
 it on. Ends are searched all around the other thing, the nearest first; the whole stroke has to be free for the hand and
 for the thing, and its end on the surface.
 """
