@@ -49,7 +49,7 @@ VESSELS = ("bowl", "box", "plate")
 SIDES = {"next to": "next to", "left of": "to the left of", "right of": "to the right of", "behind": "behind"}
 MOST_HOMES = 200
 MOST_CHANGES = 20  # Blockers that are tried in one home.
-CLOSE_M, CLEAR = 0.03, Clearance(0.005, 0.02)
+CLOSE_M, FRONT_M, CLEAR = 0.03, 0.04, Clearance(0.005, 0.02)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ def blocked(home: Home) -> Iterator[Asked]:
 
 
 def _before(home: Home, item: str, blocker: str, _: str) -> Asked | None:
-    """Put a thing deep into a compartment or on a shelf's board, and another one close before it."""
+    """Put a thing at the front of a compartment or of a shelf's board, and another one close behind it."""
     places = [
         (key, region)
         for key in home.furniture
@@ -197,8 +197,8 @@ def _before(home: Home, item: str, blocker: str, _: str) -> Asked | None:
     host, region = home.shuffled(places)[0]
     sizes_m = [max(home.scene[key].extent_m[:2]) for key in (item, blocker)]
     depth = region.opening[:2]
-    behind_m = region.half_extents_m[int(np.argmax(np.abs(depth)))] - sizes_m[0] / 2 - 0.02
-    before_m = behind_m - sum(sizes_m) / 2 - CLOSE_M
+    before_m = FRONT_M + sizes_m[1] / 2 - region.half_extents_m[int(np.argmax(np.abs(depth)))]
+    behind_m = before_m + sum(sizes_m) / 2 + CLOSE_M
     across_m = 0.5 * home.rng.uniform(-1.0, 1.0) * region.half_extents_m[int(np.argmin(np.abs(depth)))]
     scene, relation = home.scene, "inside" if region.kind == "interior" else "ontop"
     for key, along_m in ((item, -behind_m), (blocker, -before_m)):

@@ -8,12 +8,13 @@ beside each other from the left, as seen before a front. Sides of things are see
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 import bddl
+from executor.assets.asset_geometry import bounds
 from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, inverse
 from executor.planning.placements import SMALL_M, UPWARD
@@ -170,6 +171,18 @@ def is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: W
     )
     apart = (at - centre)[:2]
     return bool(apart @ direction > SIDE_COSINE * np.linalg.norm(apart))
+
+
+def ends_at_side(world: World, item: str, where: Where) -> Callable[[Array], bool]:
+    """Return a test of poses (4, 4) of an item: whether its box is on the named side of the other thing, and near."""
+    (centre, half), yaw_rad = box_around(world, where.other), world.scene.robot.yaw_rad
+
+    def ends(T_world_item: Array) -> bool:
+        low, high = bounds(world.assets[item], T_world_item[:3, :3])
+        at = T_world_item[:3, 3] + (low + high) / 2
+        return is_at_side(at, (high - low) / 2, centre, half, where, yaw_rad)
+
+    return ends
 
 
 def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:

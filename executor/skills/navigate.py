@@ -45,7 +45,7 @@ from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance
-from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
+from executor.planning.whereabouts import ends_at_side, handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.push import PushSearch, pushes
@@ -565,7 +565,9 @@ def _search(session: Session, support: str) -> PlaceSearch:
     regions, assets = regions_for(session.world, session.subtask), session.believed.assets
     later = {one.target for one in session.later if one.support_goal == support} - {session.subtask.target}
     to_come_m = max((max(assets[name].extent_m[:2]) for name in later if name in assets), default=0.0)
-    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m)
+    where, item = session.subtask.where, session.subtask.target
+    ends = ends_at_side(session.believed, item, where) if where is not None and where.other else None
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m, ends)
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
