@@ -34,6 +34,7 @@ from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
     LOW_LIFTS_M,
+    MOST_NAMED_BLOCKERS,
     Lift,
     Pick,
     explain_pick_failure,
@@ -48,9 +49,10 @@ from executor.planning.stances import HandGoal, Stance
 from executor.planning.whereabouts import ends_at_side, handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
-from executor.skills.push import PushSearch, pushes
+from executor.skills.push import PushSearch, pushes, strokes
 from executor.skills.session import Session, StepResult
 from executor.skills.way_out import WayOut, is_out, pulled_rad
+from executor.system.effort import Obstructed
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, SupportDrive, TargetDrive, TooWide, Unplanned
 from oag.sizes import Gripper
@@ -311,7 +313,7 @@ def with_stance(session: Session) -> Session | Failure:
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-    pushing = PushSearch(session) if pushes(session.subtask) else None
+    pushing = PushSearch(session, strokes(session)) if pushes(session.subtask) else None
     if pushing is not None:
         where = f"the place behind {target}"
         planned = adopt_first(session, lambda _: iter([pushing.stances()]))
@@ -334,7 +336,15 @@ def with_stance(session: Session) -> Session | Failure:
         if (failure := misfit(target, asset, session.gripper)) is not None:
             return failure
         where = target
-        planned = adopt_first(session, lambda narrowed: _picks(session, narrowed))
+        try:
+            with planner.effort.impatient(planner.patience_s, lambda pair: _may_be_moved(session, pair)):
+                planned = adopt_first(session, lambda narrowed: _picks(session, narrowed))
+        except Obstructed as obstructed:
+            planner.gave_up = True
+            named = tuple(obstructed.met)[:MOST_NAMED_BLOCKERS]
+            message = f"{target} is not got at at once: {named[0]} meet in {obstructed.met[named[0]]} configurations"
+            found = Unplanned(target=target, looked_at=obstructed.looked_at, in_the_way=named)
+            return Failure(FailureKind.NO_ANSWER, message, (found,))
     else:
         message = f"{target} has no handle and is no item: the hand has nothing to go to"
         return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
@@ -361,6 +371,12 @@ def with_stance(session: Session) -> Session | Failure:
     message = f"{planned} stances reach {where}, but no free way leads to any of them{near}"
     found = Unplanned(target=target, stances_tried=planned, in_the_way=blockers)
     return Failure(FailureKind.NO_PATH, message, (found,))
+
+
+def _may_be_moved(session: Session, pair: str) -> bool:
+    """Decide whether two bodies that meet are a part of the robot and an item that could be moved aside."""
+    items = {part.partition("/")[0] for part in pair.split()}.intersection(session.world.dynamic_ids)
+    return bool(items - {session.subtask.target})
 
 
 def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]:

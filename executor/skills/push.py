@@ -9,7 +9,7 @@ for the thing, and its end on the surface.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -119,10 +119,8 @@ def _turn_rad(one: float, other: float) -> float:
 def _passed_by(session: Session, stroke: Stroke, half: Array) -> bool:
     """Return whether a thing's box goes past those of all other items, which no search of a stance changes."""
     world, thing = session.believed, session.subtask.target
-    way = (
-        stroke.end
-        - np.linspace(stroke.distance_m, 0.0, int(stroke.distance_m / STEP_M) + 2)[:, None] * stroke.direction
-    )
+    left_m = np.linspace(stroke.distance_m, 0.0, int(stroke.distance_m / STEP_M) + 2)
+    way = stroke.end - left_m[:, None] * stroke.direction
     beneath_m = way[0, 2] - half[2] + STEP_M
     for name in world.dynamic_ids:
         middle, room = box_around(world, name)
@@ -171,15 +169,17 @@ class PushSearch:
 
     Attributes:
         session: The execution's state, its planner synchronised.
+        strokes: The pushes that will do, the preferred one first.
         met: The bodies that were in the way of strokes, with counts.
     """
 
     session: Session
+    strokes: Sequence[Stroke]
     met: Counter[str] = field(default_factory=Counter)
 
     def stances(self) -> Iterator[Stance[Stroke]]:
         """Yield stances for all strokes, good ones first."""
-        session, thing, found = self.session, self.session.subtask.target, strokes(self.session)
+        session, thing, found = self.session, self.session.subtask.target, self.strokes
         planner, oracle, touch = session.planner, session.planner.oracle, may_touch(session)
         goals = [goal for rank, stroke in enumerate(found) for goal in _hand_goals(session, stroke, STROKE_COST * rank)]
         cargo = cargo_of(session.believed, thing)
@@ -188,11 +188,11 @@ class PushSearch:
         def validate(q: Array) -> tuple[Stroke, float] | None:
             T_hand = planner.kinematics.forward(q)
             stroke = min(found, key=lambda one: _turn_rad(one.heading_rad, heading_of(T_hand[:3, 2])))
-            opening_m, T_touch = finger_m(session, stroke), _moved(T_hand, BEHIND_M * stroke.direction)
+            opening_m, T_touch = finger_m(session, stroke), moved(T_hand, BEHIND_M * stroke.direction)
             to_thing = planner.line(q, T_touch).path
             if to_thing is None or self._meets(to_thing, opening_m, touch):
                 return None
-            pushing = planner.line(to_thing[-1], _moved(T_touch, stroke.distance_m * stroke.direction)).path
+            pushing = planner.line(to_thing[-1], moved(T_touch, stroke.distance_m * stroke.direction)).path
             if pushing is None:
                 return None
             oracle.carried = carried_by(session.believed, thing, T_touch, cargo)
@@ -216,7 +216,7 @@ class PushSearch:
 
     def explain_failure(self) -> Failure:
         """Return why no stance was found."""
-        subtask, found = self.session.subtask, strokes(self.session)
+        subtask, found = self.session.subtask, self.strokes
         where, thing, support = subtask.where, subtask.target, subtask.support_goal
         named = tuple(name for name, _ in self.met.most_common(_MOST_NAMED))
         unplanned = Unplanned(target=thing, support=support, in_the_way=named or None)
@@ -262,7 +262,8 @@ def may_touch(session: Session) -> Allowed:
     return fingers_may_touch(session.planner.robot, session.subtask.target, hand=True)
 
 
-def _moved(T: Array, by_m: Array) -> Array:
+def moved(T: Array, by_m: Array) -> Array:
+    """Return a pose moved in the world."""
     T = T.copy()
     T[:3, 3] += by_m
     return T
@@ -277,37 +278,53 @@ def push(session: Session, action: Action) -> StepResult:
         return session.done(action, failure=Failure(FailureKind.PRECONDITION, message, (Unplanned(target=thing),)))
     given = action.parameter if isinstance(action.parameter, int | float) else None
     amount_m = BEHIND_M + stroke.distance_m if given is None else float(given)
-    up, before = session.world.T_world_link(thing)[:3, 2], box_around(session.world, thing)[0]
     session.sync_planner()
+    before = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    failure = press_on(session, stroke, amount_m, most_strokes=MOST_STROKES if given is None else 1)
+    after = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    measured = MoveMeasured(asked_m=round(amount_m, 4), eef_moved_m=round(float(np.linalg.norm(after - before)), 4))
+    return let_go(session).done(replace(action, parameter=round(amount_m, 4)), measured, failure=failure)
+
+
+def press_on(session: Session, stroke: Stroke, amount_m: float, *, most_strokes: int = MOST_STROKES) -> Failure | None:
+    """Press a thing on from behind it, and back off a little; return why that ended early, or None.
+
+    Args:
+        stroke: Where the thing goes.
+        amount_m: How far the hand moves first; further strokes take the thing on to where it is meant to come.
+        most_strokes: How many strokes are made at most.
+    """
+    thing = session.subtask.target
+    up = session.world.T_world_link(thing)[:3, 2]
     session.control.grip(finger_m(session, stroke))
-    failure = _stroke(session, stroke, amount_m, amount_m - BEHIND_M)
-    for _ in range(MOST_STROKES - 1):
-        left_m = float((stroke.end - box_around(session.world, thing)[0]) @ stroke.direction)
-        tipped = float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE
-        if tipped:
-            failure = Failure(FailureKind.SIDE_EFFECT, f"{thing} tips over", (SideEffect(thing, 0.0, tipped),))
-        if failure is not None or given is not None or left_m < STEP_M:
+    failure, hand_m, thing_m = None, amount_m, max(amount_m - BEHIND_M, 0.0)
+    for _ in range(most_strokes):
+        failure = _stroke(session, stroke, hand_m, thing_m)
+        if failure is None and float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE:
+            failure = Failure(FailureKind.SIDE_EFFECT, f"{thing} tips over", (SideEffect(thing, 0.0, True),))
+        hand_m = thing_m = float((stroke.end - box_around(session.world, thing)[0]) @ stroke.direction)
+        if failure is not None or hand_m < STEP_M:
             break
-        failure = _stroke(session, stroke, left_m, left_m)
     if failure is None:
         failure = _stroke(session, replace(stroke, direction=-stroke.direction), BACK_M, 0.0)
         session.control.grip(session.planner.kinematics.finger_upper_m)
-    moved_m = float(np.linalg.norm(box_around(session.world, thing)[0] - before))
+    return failure
+
+
+def let_go(session: Session) -> Session:
+    """Return the session after a push, whose hand may touch the thing while it leaves."""
     hand = replace(session.hand, released=may_touch(session))
-    session = replace(session, hand=hand, handled=session.handled | {thing})
-    measured = MoveMeasured(asked_m=round(amount_m, 4), asked_deg=None, eef_moved_m=round(moved_m, 4))
-    return session.done(replace(action, parameter=round(amount_m, 4)), measured, failure=failure)
+    return replace(session, hand=hand, handled=session.handled | {session.subtask.target})
 
 
 def _stroke(session: Session, stroke: Stroke, hand_m: float, thing_m: float) -> Failure | None:
     """Move the hand straight by a distance, which is meant to take the thing along by another one."""
     thing = session.subtask.target
-    line = session.planner.line(
-        session.q, _moved(session.planner.kinematics.forward(session.q), hand_m * stroke.direction)
-    )
+    T_hand = moved(session.planner.kinematics.forward(session.q), hand_m * stroke.direction)
+    line = session.planner.line(session.q, T_hand)
     if line.path is None:
         message = f"the arm does not reach {hand_m:.2f} m on behind {thing}"
         return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=thing),))
-    T_thing = _moved(session.world.T_world_link(thing), thing_m * stroke.direction)
+    T_thing = moved(session.world.T_world_link(thing), thing_m * stroke.direction)
     monitor = session.monitor(may_touch(session))
     return session.control.follow(line.path, speed=SPEED, monitor=monitor, carries=(thing, T_thing))

@@ -55,7 +55,7 @@ def test_a_wide_thing_is_pushed_to_where_it_is_wanted(
     assert str(done.subtasks[0].readings).count(where)
     assert spot.satisfied
     (stroke,) = (step for step in done.subtasks[0].steps if step.primitive == "MOVE_EEF_FORWARD")
-    assert list(stroke.action.values())[0] > 0.02  # type: ignore[union-attr]
+    assert next(iter(stroke.action.values())) > 0.02  # type: ignore[union-attr]
 
 
 def test_no_push_leads_through_another_thing() -> None:
