@@ -313,8 +313,9 @@ def show(results: Sequence[dict[str, Any]]) -> None:
             f"{kind}: {len(own)} drawn, {len(proved)} proved, {len(moved)} feasible, succeeded {_done(proved)}; "
             f"CPU median {median(cpu_s):.1f} s, most {max(cpu_s):.1f} s"
         )
-        for title, group in (("not proved", own), ("refused or failed", proved)):
-            codes = Counter(result["failure"]["kind"] for result in group if _belongs(result, title))
+        unmet = [result for result in proved if result["ended"] != "succeeded"]
+        for title, group in (("not proved", [result for result in own if result not in proved]), ("unmet", unmet)):
+            codes = Counter(str(result["failure"]["kind"]) for result in group)
             if codes:
                 print(f"  {title}: {', '.join(f'{count} {code}' for code, count in codes.most_common())}")
     proved = [result for result in results if "stage" in result]
@@ -324,12 +325,6 @@ def show(results: Sequence[dict[str, Any]]) -> None:
 
 def _done(results: Sequence[dict[str, Any]]) -> Rate:
     return Rate(sum(result["ended"] == "succeeded" for result in results), len(results))
-
-
-def _belongs(result: dict[str, Any], title: str) -> bool:
-    if title == "not proved":
-        return "stage" not in result
-    return result["ended"] != "succeeded"
 
 
 def main() -> None:
@@ -343,10 +338,10 @@ def main() -> None:
     options = parser.parse_args()
     results = list[dict[str, Any]]()
     for seed, kind, asked, reason in drawn(options.seed, options.each, options.kinds):
-        known = {"seed": seed, "kind": kind, "query": asked.query}
+        known: dict[str, Any] = {"seed": seed, "kind": kind, "query": asked.query}
         if reason:
             code, _, message = reason.partition(": ")
-            result = {**known, "ended": "not-proved", "failure": {"kind": code, "message": message}}
+            result: dict[str, Any] = {**known, "ended": "not-proved", "failure": {"kind": code, "message": message}}
         elif options.no_run:
             result = {**known, "ended": "proved"}
         else:

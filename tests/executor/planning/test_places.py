@@ -206,7 +206,7 @@ def test_beside_what_stands_on_a_plate_there_is_room_since_it_is_round() -> None
     for spot in found:
         assert np.hypot(*spot.point_m[:2]) + 0.03 <= 0.057 * np.sqrt(2.0) + 1e-9
         assert np.hypot(*np.maximum(np.abs(spot.point_m[:2] - [-0.045, 0.0]) - 0.03, 0.0)) >= 0.03 + APART_M
-    assert not beside(0.09, is_round=True)
+    assert not beside(0.11, is_round=True)
 
 
 @pytest.mark.parametrize("heaps", [True, False])
