@@ -342,7 +342,8 @@ def with_stance(session: Session) -> Session | Failure:
         except Obstructed as obstructed:
             planner.gave_up = True
             named = tuple(obstructed.met)[:MOST_NAMED_BLOCKERS]
-            message = f"{target} is not got at at once: {named[0]} meet in {obstructed.met[named[0]]} configurations"
+            counted = f"{obstructed.met[named[0]]} of {obstructed.looked_at} configurations"
+            message = f"no answer in the time: in the way of {target}, {named[0]} meet in {counted}"
             found = Unplanned(target=target, looked_at=obstructed.looked_at, in_the_way=named)
             return Failure(FailureKind.NO_ANSWER, message, (found,))
     else:
