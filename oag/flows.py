@@ -59,6 +59,14 @@ PICK = (*_REACH, Primitive.LIFT_EEF_UP)
 # Within a compartment, or under a shelf's next board, a lift takes nothing out: the hand has to back out with it.
 TAKE_OUT = (*PICK, Primitive.RETREAT)
 PLACE = (Primitive.NAVIGATE_TO_SUPPORT, Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN, *_RELEASE)
+# Nothing is grasped: the hand goes down behind a thing and presses it on, beside another one.
+PUSH = (
+    Primitive.NAVIGATE_TO_TARGET,
+    Primitive.APPROACH,
+    Primitive.CONVERGE,
+    Primitive.MOVE_EEF_FORWARD,
+    Primitive.RETREAT,
+)
 # Picking up and putting down in one subtask; shorter flows do without the lift, which only the symbols allow.
 TRANSPORT = (*PICK, *PLACE)
 

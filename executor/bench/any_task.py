@@ -84,6 +84,11 @@ def run_wish(seed: int, plan: Plan = plan_offline) -> dict[str, Any]:
         wish = any_task.draw(seed)
     except NotDrawn as problem:
         return {"ended": "not-drawn", "failure": {"kind": "not-drawn", "message": str(problem)}}
+    return pursue(wish, plan)
+
+
+def pursue(wish: AnyWish, plan: Plan = plan_offline) -> dict[str, Any]:
+    """Do as much of a wish as can be done, and return the result as plain data, as `run_wish` does."""
     began = time.process_time()
     known = {"kind": wish.kind, "query": wish.query, "scene": wish.scene.name, **_label_of(wish)}
     found = known | _pursued(wish, plan) | planned_by(plan)

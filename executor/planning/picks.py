@@ -322,7 +322,13 @@ def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], her
     if not reached:
         miss = nearest_miss(kinematics, candidates)
         return Failure(FailureKind.UNREACHABLE, miss.describe(item), (miss.added_to(found),))
-    found = replace(found, in_the_way=tuple(name for name, _ in blockers.most_common(MOST_NAMED_BLOCKERS)))
+    named = [name for name, _ in blockers.most_common(MOST_NAMED_BLOCKERS)]
+    if not planner.robot.keeps_order:
+        # Furniture is met most often, and what can be moved aside is told all the same.
+        pairs, loose = [pair for pair, _ in blockers.most_common()], set(oracle.world.dynamic_ids)
+        movable = [pair for pair in pairs if loose & {part.partition("/")[0] for part in pair.split()}]
+        named = list(dict.fromkeys((*named, *movable[:MOST_NAMED_BLOCKERS])))
+    found = replace(found, in_the_way=tuple(named))
     if not blockers:
         message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
         return Failure(FailureKind.UNREACHABLE, message, (found,))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from executor.assets.model import Region
-from executor.geometry import Array, pitch_of
+from executor.geometry import Array, inverse, pitch_of
 from executor.planning.cargo import Carried
 from executor.planning.collision import HELD, Hit, fingers_may_touch
 from executor.planning.drives import leads_away
@@ -38,6 +38,7 @@ from executor.planning.stances import (
     tightness_cost,
 )
 from executor.records import Failure, FailureKind
+from executor.sim.detectors import box_around
 from executor.sim.world import World
 from oag import Action, Primitive
 from oag.measurements import Unplanned
@@ -168,7 +169,7 @@ class PlaceSearch:
         regions: The support's regions to try.
         q: (Q,) where the robot is, holding the thing.
         to_come_m: Width of the widest thing that is put there later; 0 where nothing is.
-        suits: Whether a place (3,) of the thing's middle is where a subtask wants it; None where all of a region is.
+        ends: A test of where (4, 4) the thing is let go of; None where all of the regions will do.
         landed: What was found out so far of where the thing ends (`Planner.lands`), by how it is let go of.
     """
 
@@ -178,7 +179,7 @@ class PlaceSearch:
     regions: list[Region]
     q: Array
     to_come_m: float = 0.0
-    suits: Callable[[Array], bool] | None = None
+    ends: Callable[[Array], bool] | None = None
     landed: dict[tuple[int, ...], bool] = field(default_factory=dict)
 
     @property
@@ -261,6 +262,8 @@ class PlaceSearch:
         what = f"no place for {item} at {self.support} was found"
         found = Unplanned(target=item, support=self.support)
         if not goals:
+            if not self.planner.robot.keeps_order and (standing_there := self._occupants()):
+                found = replace(found, in_the_way=standing_there)
             return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
         if self.stays_nowhere:
             message = f"{what}: let go of in {len(self.landed)} ways, it would not stay there"
@@ -283,6 +286,19 @@ class PlaceSearch:
         first, count = common[0]
         return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", (found,))
 
+    def _occupants(self) -> tuple[str, ...]:
+        """Return the items whose middles are over the regions, with what would meet them."""
+        middles = {name: box_around(self.world, name)[0] for name in self.world.dynamic_ids}
+        others = {name: middle for name, middle in middles.items() if name not in (*self.carried.ids, self.support)}
+        found = dict[str, None]()
+        for region in self.regions:
+            T_link_world = inverse(self.world.T_world_link(self.support, region.link))
+            for name, middle in others.items():
+                off_m = np.abs((T_link_world @ np.array([*middle, 1.0]))[:3] - np.array(region.center_m))
+                if (off_m <= np.array(region.half_extents_m)).all():
+                    found[name] = None
+        return tuple(f"{HELD} and {name}" for name in found)
+
     def _lowerings_m(self) -> tuple[float, ...]:
         height_m = self.world.assets[self.carried.object_id].extent_m[2]
         return lowerings_m(self.regions, 0.0 if self.planner.robot.keeps_order else height_m)
@@ -299,9 +315,9 @@ class PlaceSearch:
             seed=self.planner.seed,
             to_come_m=self.to_come_m,
         )
-        if self.suits is not None:
-            middle = self.carried.T_eef_object[:, 3]
-            goals = [goal for goal in goals if self.suits((goal.T_world_eef @ middle)[:3])]
+        if (ends := self.ends) is not None:
+            # What is longer than wide is a disc for the regions, and may end too far off by its narrow side.
+            goals = [goal for goal in goals if ends(goal.T_world_eef @ self.carried.T_eef_object)]
         near = self.planner.near
         if near is None or self.support not in self.world.dynamic_ids:
             return goals

@@ -103,6 +103,7 @@ def spots(
     rng: np.random.Generator | None = None,
     to_come_m: float = 0.0,
     heaps: bool = False,
+    is_round: bool = False,
 ) -> list[PlacementSpot]:
     """Return free spots in a region, the preferred ones first: sampled ones, then fixed ones within reach.
 
@@ -118,8 +119,9 @@ def spots(
         rng: Samples the spots; without it there are the fixed ones alone.
         to_come_m: Width of the widest thing that is put into the region later; 0 where nothing is.
         heaps: Whether spots above what lies in a bowl or box are among them.
+        is_round: Whether a small top is round, such as a plate's: its region is the square within.
     """
-    floor = _Floor.of(region, T_world_link, footprint_m)
+    floor = _Floor.of(region, T_world_link, footprint_m, is_round=is_round)
 
     def free(candidates: Iterable[PlacementSpot]) -> list[PlacementSpot]:
         found = []
@@ -149,6 +151,7 @@ def spots(
         return aside
     drawn = aside + free(floor.spots_aside(to_come_m, NEARER)) if aside else free(floor.sample_spots(here, rng))
     found = drawn + _later(free(floor.fixed_spots(here))) or free(floor.spots_between())
+    heaps = heaps and not floor.is_disc
     if to_come_m and heaps and not floor.is_small:
         theirs = spots(region, T_world_link, to_come_m, here, height_m=height_m, others=others)
         inward = -T_world_link[:2, :2] @ np.array(region.opening[:2]) if floor.is_behind_a_front else np.zeros(2)
@@ -198,6 +201,7 @@ class _Floor:
         footprint_m: Width of the thing on the floor.
         is_everywhere: Whether it is the room's floor, which has no edge to stand at.
         is_within: Whether walls are around it.
+        is_disc: Whether it is small and round, and `half` its radius.
     """
 
     T_world_link: Array
@@ -207,11 +211,16 @@ class _Floor:
     footprint_m: float
     is_everywhere: bool
     is_within: bool
+    is_disc: bool = False
 
     @classmethod
-    def of(cls, region: Region, T_world_link: Array, footprint_m: float) -> _Floor:
+    def of(cls, region: Region, T_world_link: Array, footprint_m: float, *, is_round: bool) -> _Floor:
         half, middle, is_within = np.array(region.half_extents_m), np.array(region.floor_m), region.kind == "interior"
-        return cls(T_world_link, half, middle, np.array(region.opening), footprint_m, region.name == FLOOR, is_within)
+        is_disc = is_round and not is_within and bool(max(half[:2]) < SMALL_M)
+        if is_disc:
+            half[:2] *= np.sqrt(2.0)
+        opening, is_everywhere = np.array(region.opening), region.name == FLOOR
+        return cls(T_world_link, half, middle, opening, footprint_m, is_everywhere, is_within, is_disc)
 
     def fixed_spots(self, here: Array) -> Iterator[PlacementSpot]:
         """Yield a fixed choice of spots, on and about the middle line."""
@@ -300,7 +309,7 @@ class _Floor:
     @property
     def _angles(self) -> list[float]:
         """Directions from the middle of what is small and has walls: all around, and into the corners of a box."""
-        if not (self.is_small and self.is_within):
+        if not (self.is_small and (self.is_within or self.is_disc)):
             return []
         around = [2 * np.pi * turn / HEADINGS for turn in range(HEADINGS)]
         rooms_m = np.maximum(self.half[:2] - self.footprint_m / 2, 0.0)
@@ -345,7 +354,7 @@ class _Floor:
     @property
     def is_small(self) -> bool:
         """Whether one side is as good as any other: bowls and boxes, in which things are put aside as it is."""
-        return bool(max(self.half[:2]) < SMALL_M)
+        return self.is_disc or bool(max(self.half[:2]) < SMALL_M)
 
     @property
     def _depth_m(self) -> float:
@@ -540,6 +549,7 @@ def placement_goals(
             rng=rng,
             to_come_m=to_come_m,
             heaps=not world.model.keeps_order,
+            is_round=not world.model.keeps_order and support in loose and world.assets[support].symmetric_about_z,
         ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
             if region.opening[2] <= UPWARD and not world.model.keeps_order:

@@ -10,6 +10,7 @@ Source: the paper's primitive library. "Forward" and "left" are the base's headi
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -84,6 +85,8 @@ class Planner:
         seed: Of the episode.
         floor: Where the base cannot stand, without asking the oracle.
         effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
+        patience_s: Effort after which a search for a grasp gives up, where things that may be moved are met.
+        gave_up: Whether a search of the subtask was ended so.
         chosen: What was chosen in the subtask so far.
         near: What searches are narrowed to; None where they look everywhere.
         lands: Whether what is held ends in its place if it is let go of at a pose (4, 4); None where nothing is asked.
@@ -96,6 +99,7 @@ class Planner:
         self.tracker = LineTracker(oracle.kinematics)
         self.floor = FloorPlan(oracle)
         self.effort = self.kinematics.effort
+        self.patience_s, self.gave_up = math.inf, False
         self.seed = 0
         self.rng = np.random.default_rng(0)
         self.chosen: list[Choice] = []
@@ -108,7 +112,7 @@ class Planner:
     def start_subtask(self, world: World, seed: int, index: int) -> None:
         """Synchronise with the world and restarts all randomness for a subtask."""
         self.oracle.synchronize(world)
-        self.chosen, self._drives = [], []
+        self.chosen, self._drives, self.gave_up = [], [], False
         self._index = index
         self.reseed(seed)
 

@@ -8,12 +8,13 @@ beside each other from the left, as seen before a front. Sides of things are see
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 import bddl
+from executor.assets.asset_geometry import bounds
 from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, inverse
 from executor.planning.placements import SMALL_M, UPWARD
@@ -131,18 +132,10 @@ def regions_next_to(world: World, item: str, support: str, regions: Iterable[Reg
         # Boxes are along the world's axes; the thing is a disc, as for all placements.
         reach_m = _extent_towards(half, direction) + width_m / 2 + gap_m
         at = np.array([*(centre[:2] + reach_m * direction), centre[2]])
-        if not is_next_to(world, item, where, at):
+        if not is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
             continue
         found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
     return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
-
-
-def is_next_to(world: World, item: str, where: Where, at: Array) -> bool:
-    """Return whether an item whose middle is at a point (3,) would be at the named side of the other thing."""
-    centre, half = box_around(world, where.other)
-    size_m = world.assets[item].extent_m
-    width_m = max(size_m[:2])
-    return _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, world.scene.robot.yaw_rad)
 
 
 def _extent_towards(half: Array, direction: Array) -> float:
@@ -165,7 +158,7 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     return replace(region, center_m=(x, y, region.center_m[2]), half_extents_m=(along, across, up))
 
 
-def _is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
+def is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
     """Decide whether a box is on the named side of another one, and near: by `nextto`'s gap, or a few centimetres."""
     gap_m = np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]
     if np.linalg.norm(gap_m) > max(float(np.mean(item_half + half)) / 3.0, _NEAR_M):
@@ -180,6 +173,18 @@ def _is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: 
     return bool(apart @ direction > SIDE_COSINE * np.linalg.norm(apart))
 
 
+def ends_at_side(world: World, item: str, where: Where) -> Callable[[Array], bool]:
+    """Return a test of poses (4, 4) of an item: whether its box is on the named side of the other thing, and near."""
+    (centre, half), yaw_rad = box_around(world, where.other), world.scene.robot.yaw_rad
+
+    def ends(T_world_item: Array) -> bool:
+        low, high = bounds(world.assets[item], T_world_item[:3, :3])
+        at = T_world_item[:3, 3] + (low + high) / 2
+        return is_at_side(at, (high - low) / 2, centre, half, where, yaw_rad)
+
+    return ends
+
+
 def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
     """Return whether a subtask ended in the part, or at the side, that it names; nothing where it names none."""
     where = subtask.where
@@ -190,7 +195,7 @@ def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
     if where.other:
         (at, item_half), (centre, half) = box_around(world, target), box_around(world, where.other)
         gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]))
-        holds = _is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
+        holds = is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
         return (GoalReading(words, True, holds, AtomMeasured(gap_m=round(gap_m, 4))),)
     if support is None:
         fractions = {

@@ -66,6 +66,9 @@ SPARE_DEG, SPARE_M = 15.0, 0.002
 MOST_FORECAST_S = 15.0
 """Effort at which a forecast ends, its repairs and other plans included [s]; what has no answer by then has none."""
 
+PATIENCE_S = 3.0
+"""Effort after which what is in the way of a thing is first moved aside; all of the search comes after that [s]."""
+
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
 
@@ -341,13 +344,26 @@ class DryRun:
         while len(done) < len(self._task.subtasks):
             starts.append(self._state())
             refused = None if done else first_misfit(self._task, self._world)
-            done.append(self._subtask(len(done)) if refused is None else self._refused(*refused))
+            patience_s = PATIENCE_S if self._repairs_left and not self._planner.robot.keeps_order else math.inf
+            done.append(self._subtask(len(done), patience_s) if refused is None else self._refused(*refused))
             if done[-1].record.succeeded:
                 continue
-            if refused is not None or not self._mended_in_time(done, starts):
+            gave_up = self._planner.gave_up
+            mended = refused is None and self._mended_in_time(done, starts)
+            if not mended and not (gave_up and self._found_patiently(done, starts)):
                 self._known = self._found_impossible(done, starts[-1][1].held)
                 break
         return done
+
+    def _found_patiently(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
+        """Go through the last subtask with all of its search; return whether it, or a repair of it, succeeds."""
+        self._restore(starts[-1])
+        again = self._subtask(len(done) - 1)
+        failure = again.record.failure
+        if failure is not None and failure.kind is FailureKind.NO_ANSWER:
+            return False  # What was met before says more.
+        done[-1] = again
+        return again.record.succeeded or self._mended_in_time(done, starts)
 
     def _mended_in_time(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
         """Go through repaired plans while there is time; return whether one gets past what failed."""
@@ -377,9 +393,13 @@ class DryRun:
         held = starts[index][1].held
         failed = Failed(self._task, index, done[index].record, self._scene, held, before, self._avoided)
         graph, avoided, detours = self._graph, self._avoided, self._detours
+        in_vain = set[tuple[SimpleTask, Ways]]()
         for repair in repairs(failed):
             if self._repairs_left == 0:
                 break
+            begins = repair.task.subtasks[repair.first], repair.avoided
+            if begins in in_vain:
+                continue
             try:
                 self._adopt(compose(repair.task, scene=graph.scene))
             except PlanRefused:
@@ -392,6 +412,8 @@ class DryRun:
                 again.append(self._state())
                 redone.append(self._subtask(len(redone)))
             got_there = len(redone) > repair.last
+            if repair.first + 1 == len(redone) <= repair.last and not redone[-1].record.succeeded:
+                in_vain.add(begins)  # What cannot be taken is set down nowhere.
             # Behind what was in the way there may be more.
             if got_there and (redone[-1].record.succeeded or (held is None and self._mended(redone, again))):
                 done[:], starts[:] = redone, again
@@ -408,8 +430,9 @@ class DryRun:
         self._world.restore(dry)
         self._control = DryController(self._world, dry.q, float(dry.fingers_m.mean()))
 
-    def _subtask(self, index: int) -> FeasibleSubtask:
+    def _subtask(self, index: int, patience_s: float = math.inf) -> FeasibleSubtask:
         """Go through one subtask, from where the one before ended."""
+        self._planner.patience_s = patience_s
         began = time.process_time()
         subtask, world, last = self._task.subtasks[index], self._world, index + 1 == len(self._task.subtasks)
         session = Session(

@@ -69,30 +69,40 @@ def elsewhere(scene: Scene, item: str, support: str, relation: str, number: int 
     Raises:
         NoRoom: No place is free, the item carries something, or the support is the floor.
     """
-    if resting_on(scene, item):
-        raise NoRoom(item, "carries something")
-    if scene[support].category == FLOOR:
-        raise NoRoom(item, "things are moved between furniture, not over the floor")
-    rng = np.random.default_rng(zlib.crc32(f"{item} {support} {number}".encode()))
-    room = Room(scene.name, "", rng, 0.0, 0.0)
-    room.objects.update({key: thing for key, thing in scene.objects.items() if key != item and thing.category != FLOOR})
-    facts = tuple(fact for fact in scene.facts if not _is_about_place(fact, item))
-    for fact in facts:
-        if isinstance(fact, bddl.Atom) and fact.predicate in ("ontop", "inside") and fact.args[1] in room.objects:
-            room.relate(fact.predicate, *fact.args)
     kind = "interior" if relation == "inside" else "surface"
     regions = [region for region in asset_for(scene[support]).regions if region.kind == kind]
     if not regions:
         raise NoRoom(item, f"{support} has no such place")
     base_m = scene[support].position[2]
     region = sorted(regions, key=lambda one: abs(base_m + one.floor_m[2] - _HANDY_M))[number // 2 % len(regions)]
-    place(
-        room,
-        scene[item],
-        PlaceSpec(support, region.name, AtEdge(_EDGES[number % len(_EDGES)], _INSET_M), clear=_CLEAR),
-    )
+    seed = zlib.crc32(f"{item} {support} {number}".encode())
+    edge = AtEdge(_EDGES[number % len(_EDGES)], _INSET_M)
+    return placed(scene, item, relation, PlaceSpec(support, region.name, edge, clear=_CLEAR), seed)
+
+
+def placed(scene: Scene, item: str, relation: str, asked: PlaceSpec, seed: int = 0) -> Scene:
+    """Return the scene in which an item stands upright at a free place that is asked for.
+
+    Args:
+        relation: "ontop" or "inside", as the region that is asked for has it.
+        seed: Seeds what the place leaves open.
+
+    Raises:
+        NoRoom: No place is free, the item carries something, or the support is the floor.
+    """
+    if resting_on(scene, item):
+        raise NoRoom(item, "carries something")
+    if scene[asked.support].category == FLOOR:
+        raise NoRoom(item, "things are moved between furniture, not over the floor")
+    room = Room(scene.name, "", np.random.default_rng(seed), 0.0, 0.0)
+    room.objects.update({key: thing for key, thing in scene.objects.items() if key != item and thing.category != FLOOR})
+    facts = tuple(fact for fact in scene.facts if not _is_about_place(fact, item))
+    for fact in facts:
+        if isinstance(fact, bddl.Atom) and fact.predicate in ("ontop", "inside") and fact.args[1] in room.objects:
+            room.relate(fact.predicate, *fact.args)
+    place(room, scene[item], asked)
     objects = {key: room.objects.get(key, thing) for key, thing in scene.objects.items()}
-    return replace(scene, objects=objects, facts=(*facts, bddl.Atom(relation, (item, support))), known=())
+    return replace(scene, objects=objects, facts=(*facts, bddl.Atom(relation, (item, asked.support))), known=())
 
 
 def supports_near(scene: Scene, item: str) -> Iterator[tuple[str, str]]:

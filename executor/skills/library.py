@@ -17,6 +17,7 @@ from executor.records import Failure, FailureKind
 from executor.skills.articulate import articulate
 from executor.skills.grasp import approach, converge, grasp, ungrasp
 from executor.skills.navigate import navigate_to_support, navigate_to_target, retreat
+from executor.skills.push import push, pushes
 from executor.skills.session import Session, StepResult
 from executor.skills.switch import press, turn
 from executor.system.effort import SearchExhausted
@@ -30,7 +31,9 @@ REACH_STEP_M = 0.005
 
 
 def move(session: Session, action: Action) -> StepResult:
-    """Move by the action's number, or by the planned one, and stop at unintended contact."""
+    """Move by the action's number, or by the planned one, and stop at unintended contact; push what is to be pushed."""
+    if action.primitive is Primitive.MOVE_EEF_FORWARD and pushes(session.subtask):
+        return push(session, action)
     planned = session.plan.numbers.get(session.step)
     amount = action.parameter if action.parameter is not None else planned
     if not isinstance(amount, float | int):

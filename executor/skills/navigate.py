@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -35,6 +34,7 @@ from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
     LOW_LIFTS_M,
+    MOST_NAMED_BLOCKERS,
     Lift,
     Pick,
     explain_pick_failure,
@@ -46,11 +46,13 @@ from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance
-from executor.planning.whereabouts import handles_of, is_next_to, regions_next_to, regions_of
+from executor.planning.whereabouts import ends_at_side, handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
+from executor.skills.push import PushSearch, pushes, strokes
 from executor.skills.session import Session, StepResult
 from executor.skills.way_out import WayOut, is_out, pulled_rad
+from executor.system.effort import Obstructed
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, SupportDrive, TargetDrive, TooWide, Unplanned
 from oag.sizes import Gripper
@@ -311,7 +313,11 @@ def with_stance(session: Session) -> Session | Failure:
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-    if articulation is not None and asset.handles:
+    pushing = PushSearch(session, strokes(session)) if pushes(session.subtask) else None
+    if pushing is not None:
+        where = f"the place behind {target}"
+        planned = adopt_first(session, lambda _: iter([pushing.stances()]))
+    elif articulation is not None and asset.handles:
         action = articulation[1]
         handles = tuple(bar for bar in _handles_for(session, action) if asset.joint(bar.joint).opens)
         if not handles:
@@ -330,13 +336,24 @@ def with_stance(session: Session) -> Session | Failure:
         if (failure := misfit(target, asset, session.gripper)) is not None:
             return failure
         where = target
-        planned = adopt_first(session, lambda narrowed: _picks(session, narrowed))
+        try:
+            with planner.effort.impatient(planner.patience_s, lambda pair: _may_be_moved(session, pair)):
+                planned = adopt_first(session, lambda narrowed: _picks(session, narrowed))
+        except Obstructed as obstructed:
+            planner.gave_up = True
+            named = tuple(obstructed.met)[:MOST_NAMED_BLOCKERS]
+            counted = f"{obstructed.met[named[0]]} of {obstructed.looked_at} configurations"
+            message = f"no answer in the time: in the way of {target}, {named[0]} meet in {counted}"
+            found = Unplanned(target=target, looked_at=obstructed.looked_at, in_the_way=named)
+            return Failure(FailureKind.NO_ANSWER, message, (found,))
     else:
         message = f"{target} has no handle and is no item: the hand has nothing to go to"
         return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
     if isinstance(planned, Session):
         return planned
     if planned == 0:
+        if pushing is not None:
+            return pushing.explain_failure()
         if articulation is not None and asset.handles:
             return explain_failure(
                 ArticulationTask(planner, world, target, handles[0], articulation[1]),
@@ -355,6 +372,12 @@ def with_stance(session: Session) -> Session | Failure:
     message = f"{planned} stances reach {where}, but no free way leads to any of them{near}"
     found = Unplanned(target=target, stances_tried=planned, in_the_way=blockers)
     return Failure(FailureKind.NO_PATH, message, (found,))
+
+
+def _may_be_moved(session: Session, pair: str) -> bool:
+    """Decide whether two bodies that meet are a part of the robot and an item that could be moved aside."""
+    items = {part.partition("/")[0] for part in pair.split()}.intersection(session.world.dynamic_ids)
+    return bool(items - {session.subtask.target})
 
 
 def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]:
@@ -560,11 +583,9 @@ def _search(session: Session, support: str) -> PlaceSearch:
     regions, assets = regions_for(session.world, session.subtask), session.believed.assets
     later = {one.target for one in session.later if one.support_goal == support} - {session.subtask.target}
     to_come_m = max((max(assets[name].extent_m[:2]) for name in later if name in assets), default=0.0)
-    where, suits = session.subtask.where, None
-    if where is not None and where.other and not session.planner.robot.keeps_order:
-        # A spot of a compartment has others before and behind it, which are not at the named side.
-        suits = partial(is_next_to, session.believed, session.subtask.target, where)
-    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m, suits)
+    where, item = session.subtask.where, session.subtask.target
+    ends = ends_at_side(session.believed, item, where) if where is not None and where.other else None
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q, to_come_m, ends)
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:

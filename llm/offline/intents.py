@@ -29,19 +29,20 @@ _MOST_NAMED = 6
 
 
 class IntentKind(Enum):
-    """Kinds of intents that a simple or compound task can fulfil, the last two in the domain of appliances."""
+    """Kinds of intents that a simple or compound task can fulfil, two of them in the domain of appliances."""
 
     OPEN = "open"
     CLOSE = "close"
     PICK = "pick up"
     PLACE = "put"
+    PUSH = "push"
     SWITCH_ON = "switch on"
     SWITCH_OFF = "switch off"
 
     @property
     def moves_an_item(self) -> bool:
-        """True for picking up and putting."""
-        return self in (IntentKind.PICK, IntentKind.PLACE)
+        """True for picking up, putting and pushing."""
+        return self in (IntentKind.PICK, IntentKind.PLACE, IntentKind.PUSH)
 
     @property
     def is_a_switching(self) -> bool:
@@ -56,7 +57,7 @@ class IntentKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """One intent about one object; only PLACE has a relation and a destination.
+    """One intent about one object; only PLACE and PUSH have a relation and a destination.
 
     `where` is the part of what is opened or of the destination, or the spot next to another thing, that is meant.
     """

@@ -29,9 +29,10 @@ from llm.offline.names import singulars
 from llm.offline.placing import SPOTS, placings
 from llm.offline.reader import SWITCHINGS, Command, Location, NounPhrase, Reading
 from llm.offline.referring import Referring
-from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
+from llm.offline.subtasks import check_all, check_item, is_possible, places_for, why_unfit, with_a_free_hand
 from llm.offline.switching import switchings
 from llm.offline.words import Direction
+from oag.model.where import Where
 
 _IN_OR_ON: Mapping[Relation, str] = {"inside": "in", "ontop": "on"}
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
@@ -171,6 +172,8 @@ class _IntentBuilder(Referring):
             named = " ".join(command.objects[0].words)
             problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
             raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
+        if command.kind == "push" and (command.destination is None or command.destination.direction not in SPOTS):
+            raise _pushed_nowhere(command)
         source = self._source(command)
         if command.kind == "place":
             command = replace(command, objects=tuple(map(self._as_load, command.objects)))
@@ -244,11 +247,25 @@ class _IntentBuilder(Referring):
         command = replace(command, destination=there)
         loads = self._loads(command, targets, place)
         if (spot := self._spot(command, place)) is not None:
-            host = self._hosts(place.object_id)[0]
-            return (*loads, *placings(ids, host.relation, host.object_id, spot))
+            return (*loads, *self._beside(command, ids, spot))
+        if command.kind == "push":
+            raise _pushed_nowhere(command)
         relation = self._relation(there, ids, place)
         carried = self._carried(place, there)
         return (*loads, *placings(ids, relation, place.object_id, place.part), *carried)
+
+    def _beside(self, command: Command, ids: Sequence[str], spot: Where) -> tuple[Intent, ...]:
+        """Return the intents that put things beside another one; what the hand cannot take there is pushed."""
+        around, host = self.grounding.around, self._hosts(spot.other)[0]
+        intents = []
+        for intent in placings(ids, host.relation, host.object_id, spot):
+            pushed = command.kind == "push"
+            if not pushed and host.relation == "ontop" and host in around.supports(intent.target):
+                pushed = why_unfit(intent.target, around.scene, around.sizing) is not None
+                if pushed:
+                    self.notes.append(f"{intent.target} is too wide for the hand, and is pushed there")
+            intents.append(replace(intent, kind=IntentKind.PUSH) if pushed else intent)
+        return tuple(intents)
 
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
         """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
@@ -388,6 +405,11 @@ class _IntentBuilder(Referring):
         intents, note = arranging.brought(ids, self.grounding)
         self.notes.append(note)
         return intents
+
+
+def _pushed_nowhere(command: Command) -> Refusal:
+    problem = f'"{command}" names no spot beside a thing; a thing is pushed along what it stands on, beside another one'
+    return Refusal("unsupported-relation", problem)
 
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {

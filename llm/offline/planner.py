@@ -69,7 +69,7 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
 _SWITCHINGS = ("SWITCHON", "SWITCHOFF", "OPERATE")
-_ACTIONS = frozenset({*_VERBS, *_SWITCHINGS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
+_ACTIONS = frozenset({*_VERBS, *_SWITCHINGS, "FORCE", "PUSH", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 LONGEST_QUERY = 2_000
 """Most characters of a query; the longest readable sentence needs a quarter of them."""
@@ -151,7 +151,7 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
         return refusal
     # That the scene has no button or knob is no reason where it has one. "Push" is beyond for another reason.
     known = VERBS if can_switch(grounding.around) else ()
-    strange = (token.text for token in tokens if token.text not in known or token.terminal == "FORCE")
+    strange = (token.text for token in tokens if token.text not in known or token.terminal == "PUSH")
     verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
@@ -408,7 +408,8 @@ class OfflinePlanner:
         around, request = understood.around, understood.request
         wanted = str(request)
         steps = decompose(request, around)
-        check_sizes((step.target for step in steps), scene, self.sizing, query, wanted)
+        lifted = tuple(step.target for step in steps if step.kind is not IntentKind.PUSH)
+        check_sizes(lifted, scene, self.sizing, query, wanted)
         subtasks = tuple(_subtask(step, around) for step in steps)
         detail = _narrative(request, steps, around)
         task = Task(
@@ -417,7 +418,7 @@ class OfflinePlanner:
             goal=understood.goal,
             goal_given=True,
             subtasks=subtasks,
-            scales=scale_factors((step.target for step in steps), scene, self.sizing),
+            scales=scale_factors(lifted, scene, self.sizing),
             scene=scene,
         )
         # Unknown facts of the scene do not refute a plan.
@@ -503,6 +504,9 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
         part = around.control(target)
         how = "press it through its travel" if part == "button" else "take hold of it, turn it, and let go"
         return f"{step.kind.value.capitalize()} {target}: drive to its {part}, {how}, then withdraw the hand."
+    if step.kind is IntentKind.PUSH:
+        way = "drive to it, bring the hand down behind it, press it straight on, then withdraw the hand."
+        return f"Push {target} {step.where}: {way}"
     if end is None:
         clear = "lift it and back out with it" if start is not None and start.relation == "inside" else "lift it clear"
         place = "" if start is None else f" {_from(start)}"
@@ -544,6 +548,8 @@ def _action(step: PlainTask) -> str:
         return f"{step.kind.value}s {step.target} by its handle"
     if step.kind.is_a_switching:
         return f"{step.kind.value.replace('switch', 'switches')} {step.target}"
+    if step.kind is IntentKind.PUSH:
+        return f"pushes {step.target} {step.where}"
     if step.end is None:
         return f"picks up {step.target}" + ("" if step.start is None else f" {_from(step.start)}")
     return f"puts {step.target} {PREPOSITION[step.end.relation]} {step.end.object_id} and lets go of it"

@@ -19,7 +19,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "liked", "tidy", "toss", "find", "away", "switch_on", "switch_off", "operate",
+    "liked", "tidy", "toss", "find", "away", "push", "switch_on", "switch_off", "operate",
 ]  # fmt: skip
 SWITCHINGS: tuple[CommandKind, ...] = ("switch_on", "switch_off", "operate")
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(

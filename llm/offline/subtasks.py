@@ -83,6 +83,8 @@ def check(intent: Intent, around: Surroundings) -> None:
         _check_standing(target, around)
         if intent.kind is IntentKind.PLACE:
             _check_destination(intent, around)
+        if intent.kind is IntentKind.PUSH:
+            _check_pushed(intent, around)
         _check_reachable(intent, around)
         return
     if not around.affordances[target].door:
@@ -145,6 +147,17 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
         raise Refusal("affordance", f"{target} cannot be put {intent.where}")
 
 
+def _check_pushed(intent: Intent, around: Surroundings) -> None:
+    target, where = intent.target, intent.where
+    if where is None or where.other == target:
+        raise Refusal("affordance", f"{target} cannot be pushed {where or 'nowhere'}")
+    if Support("ontop", str(intent.destination)) not in around.supports(target):
+        problem = f"{target} can be pushed along {around.support(target)} only, where {where.other} is not"
+        raise Refusal("unsupported-relation", problem, scene=list(map(around.described, (target, where.other))))
+    if cargo := around.cargo(target):
+        raise Refusal("unsupported-relation", f"{target} carries {enumeration(cargo)}, and is not pushed with it")
+
+
 def _goes_in(item: str, container: str, around: Surroundings) -> bool:
     """Decide whether an item, after scaling, fits through another item's mouth in any orientation."""
     thing, vessel = around.scene.objects[item], around.scene.objects[container]
@@ -155,8 +168,9 @@ def _goes_in(item: str, container: str, around: Surroundings) -> bool:
 
 
 def _check_reachable(intent: Intent, around: Surroundings) -> None:
-    if around.held() != (intent.target,):
-        _check_free_hand(around, f"to pick up {intent.target}")
+    pushed = intent.kind is IntentKind.PUSH
+    if pushed or around.held() != (intent.target,):
+        _check_free_hand(around, f"to {'push' if pushed else 'pick up'} {intent.target}")
         return
     if intent.kind is IntentKind.PICK:
         raise _so_already(intent)
@@ -250,10 +264,10 @@ class PlainTask:
     """A simple task before it has formulas: action, target, source, destination.
 
     Attributes:
-        kind: One of the four kinds of simple tasks, or of the two of appliances.
+        kind: One of the kinds of simple tasks.
         target: Id of the object it acts on (o_t).
-        start: For PICK, where the target stands (o_s1 and its relation).
-        end: For PLACE, where the target shall stand (o_s2 and its relation).
+        start: For PICK and PUSH, where the target stands (o_s1 and its relation).
+        end: For PLACE and PUSH, where the target shall stand (o_s2 and its relation).
         where: The part or spot that is meant.
     """
 
@@ -279,10 +293,14 @@ class PlainTask:
         there = bddl.Atom(place.relation, (self.target, place.object_id))
         if self.kind is IntentKind.PICK:
             return there, bddl.Not(there)
+        if self.kind is IntentKind.PUSH:
+            return there, there  # The spot is no matter of symbols.
         return bddl.Atom("inside", (self.target, GRIPPER)), there
 
     def flow(self, scene: Scene) -> ActionFlow:
         """Return the flow in a scene with open numbers, which the executor's geometric planner fills in."""
+        if self.kind is IntentKind.PUSH:
+            return tuple(map(Action, flows.PUSH))
         flow = TEMPLATES[self.kind.value]
         if self.kind is IntentKind.PICK and self.start is not None:
             carrier = scene.objects.get(self.start.object_id)
@@ -332,6 +350,8 @@ def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
 def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
     steps = []
     start = state.support(intent.target)
+    if intent.kind is IntentKind.PUSH:
+        return [PlainTask(intent.kind, intent.target, start, start, intent.where)]
     if start is not None and start.object_id != GRIPPER:
         steps.append(PlainTask(IntentKind.PICK, intent.target, start=start))
     if intent.relation is not None and intent.destination is not None:
@@ -408,18 +428,19 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
         QueryError: Code "too-large"; the message states what would fit.
     """
     for target in dict.fromkeys(targets):
-        if (why := _unfit(target, scene, sizing)) is not None:
+        if (why := why_unfit(target, scene, sizing)) is not None:
             raise QueryError("too-large", query, why, understood=understood)
 
 
 def _of_size(request: Request, around: Surroundings) -> Refusal | None:
     """Return the refusal of the first thing that no hand here can take, so that no other place is of use for it."""
-    lifted = (intent.target for intent in request.intents if intent.kind.moves_an_item)
-    unfit = (_unfit(target, around.scene, around.sizing) for target in lifted)
+    kinds = (IntentKind.PICK, IntentKind.PLACE)
+    lifted = (intent.target for intent in request.intents if intent.kind in kinds)
+    unfit = (why_unfit(target, around.scene, around.sizing) for target in lifted)
     return next((Refusal("too-large", why) for why in unfit if why is not None), None)
 
 
-def _unfit(target: str, scene: Scene, sizing: Sizing) -> str | None:
+def why_unfit(target: str, scene: Scene, sizing: Sizing) -> str | None:
     """Return why an object fits the gripper at no permitted scale, and what would fit; None where it does."""
     gripper = Gripper.of(scene.robot)
     unfit = sizing.unfit(scene[target], gripper)

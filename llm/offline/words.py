@@ -142,7 +142,7 @@ def _in_context(words: Sequence[TaggedWord], lexicon: Lexicon) -> tuple[TaggedWo
 
 
 # Verbs that are nouns after an article and before "of".
-_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "DRIVE"})
+_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "PUSH", "DRIVE"})
 _FAR_OR_NEAR = ("ONFRONT", "ONBACK")
 _IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
 _BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})

@@ -408,7 +408,8 @@ def all_findings(
         message, hint = "there are no subtasks: the verdict is about doing nothing", 'list them under "sub_tasks"'
         found.append(_warning("task/empty", message, "task", hint=hint))
     runs = not trace.failures and proof is None
-    for index in trace.vacuous if runs else ():
+    # The place may hold already where the spot in it does not.
+    for index in (k for k in trace.vacuous if task.subtasks[k].where is None) if runs else ():
         message = f"its goal {bddl.format(task.subtasks[index].goal)} holds already when it starts"
         hint = "drop the subtask, or say what it has to change"
         found.append(_warning("task/vacuous", message, subtask_place(task, index), index, hint=hint))

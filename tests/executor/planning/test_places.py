@@ -189,6 +189,26 @@ def test_where_no_room_is_beside_what_lies_in_a_bowl_there_is_room_above_it(
         assert spot.point_m[2] == pytest.approx(high_m) and spot.point_m[2] <= HEAP_M
 
 
+PLATE = Region("top", "surface", "plate", (0.0, 0.0, 0.05), (0.057, 0.057, 0.05), (0.0, 0.0, 1.0))
+
+
+def test_beside_what_stands_on_a_plate_there_is_room_since_it_is_round() -> None:
+    """The square within a plate is too small for both; on its round floor a can stands beside another one."""
+    can = Footprint.around(np.array([-0.045, 0.0, 0.05]), np.array([0.03, 0.03, 0.05]))
+
+    def beside(width_m: float, *, is_round: bool) -> list[PlacementSpot]:
+        rng, others = spot_rng(0, "can_1", "plate_0", "top"), {"can_0": can}
+        return spots(PLATE, np.eye(4), width_m, np.zeros(3), height_m=0.1, others=others, rng=rng, is_round=is_round)
+
+    assert not beside(0.06, is_round=False)
+    found = beside(0.06, is_round=True)
+    assert found
+    for spot in found:
+        assert np.hypot(*spot.point_m[:2]) + 0.03 <= 0.057 * np.sqrt(2.0) + 1e-9
+        assert np.hypot(*np.maximum(np.abs(spot.point_m[:2] - [-0.045, 0.0]) - 0.03, 0.0)) >= 0.03 + APART_M
+    assert not beside(0.11, is_round=True)
+
+
 @pytest.mark.parametrize("heaps", [True, False])
 def test_an_empty_bowl_has_the_same_spots_whether_or_not_things_are_heaped(heaps: bool) -> None:
     rng = spot_rng(0, "apple_0", "bowl_0", "hollow")

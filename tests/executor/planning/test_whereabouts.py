@@ -12,9 +12,10 @@ import pytest
 
 import bddl
 import llm
+from executor.geometry import transform
 from executor.planning.whereabouts import (
+    ends_at_side,
     handles_of,
-    is_next_to,
     parts_named,
     read_where,
     regions_next_to,
@@ -185,8 +186,9 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
         gap_m = np.linalg.norm(np.maximum(np.abs(apart) - sides / 2, 0.0))
         assert 0.0 < gap_m < 0.06
         height_m = scene["mug_0"].position[2]
-        assert is_next_to(mugs, "can_0", where, np.array([*at, height_m]))
-        assert not is_next_to(mugs, "can_0", where, np.array([*(at + 0.05 * apart / np.linalg.norm(apart)), height_m]))
+        ends = ends_at_side(mugs, "can_0", where)
+        assert ends(transform(np.eye(3), [*at, height_m]))
+        assert not ends(transform(np.eye(3), [*(at + 0.05 * apart / np.linalg.norm(apart)), height_m]))
         x, y = map(float, at)
         moved = replace(scene["can_0"], position=(x, y, scene["can_0"].position[2]))
         with World(replace(scene, objects={**scene.objects, "can_0": moved}), oracle=True) as world:

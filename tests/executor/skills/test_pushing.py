@@ -1,0 +1,76 @@
+"""Pushing: what is too wide for the hand comes beside another thing, by physics; what cannot is refused before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import llm
+import oag
+from executor import feasible, rollout
+from executor.records import FailureKind
+from executor.rollouts.feasibility import Feasibility
+from executor.scenes.file import complete_scene
+from oag import Scene
+from oag.model.robots import LIFTED
+from oag.sizes import Sizing
+
+
+def table(item: str, at: tuple[float, float], other: str, place: tuple[float, float], **more: Any) -> Scene:
+    objects = {
+        "table_0": {"category": "table", "model": "table_four_legs", "position": [0.9, 0.0]},
+        "thing_0": {"category": "book", "model": item, "on": "table_0", "at": list(at)},
+        "other_0": {"category": "cup", "model": other, "on": "table_0", "at": list(place)},
+        **more,
+    }
+    robot = {"position": [-0.6, 0.0], "name": LIFTED.name}
+    completed = complete_scene({"name": "push", "robot": robot, "objects": objects})
+    assert completed.scene is not None, completed.problems
+    return completed.scene
+
+
+def forecast(scene: Scene, query: str) -> Feasibility:
+    task = llm.propose(query, scene, sizing=Sizing(keep=True)).task
+    return feasible(oag.compose(task, scene=scene), scene, 0, vary=False)
+
+
+@pytest.mark.parametrize(
+    ("item", "at", "other", "place", "where"),
+    [
+        ("book_lying", (-0.1, -0.25), "porcelain_bowl", (-0.05, 0.15), "next to other_0"),
+        ("plate", (0.1, 0.2), "bottle", (-0.15, -0.15), "next to other_0"),
+        ("teddy_bear", (-0.1, -0.2), "plate", (-0.05, 0.2), "right of other_0"),
+    ],
+)
+def test_a_wide_thing_is_pushed_to_where_it_is_wanted(
+    item: str, at: tuple[float, float], other: str, place: tuple[float, float], where: str
+) -> None:
+    scene = table(item, at, other, place)
+    found = forecast(scene, f"push thing_0 {where}")
+    assert found, found.reason
+    done = rollout(oag.compose(found.task, scene=scene), scene, 0, vary=False, conditions=found.conditions())
+    assert done.succeeded, done.failure
+    spot = done.subtasks[0].readings[-2]
+    assert str(done.subtasks[0].readings).count(where)
+    assert spot.satisfied
+    (stroke,) = (step for step in done.subtasks[0].steps if step.primitive == "MOVE_EEF_FORWARD")
+    assert next(iter(stroke.action.values())) > 0.02  # type: ignore[union-attr]
+
+
+def test_no_push_leads_through_another_thing() -> None:
+    between = {"can_0": {"category": "can", "on": "table_0", "at": [-0.1, 0.0]}}
+    free = table("carton", (-0.1, -0.3), "bottle", (-0.1, 0.25))
+    barred = table("carton", (-0.1, -0.3), "bottle", (-0.1, 0.25), **between)
+    assert forecast(free, "push thing_0 right of other_0")
+    found = forecast(barred, "push thing_0 right of other_0")
+    assert not found
+
+
+def test_no_push_ends_beyond_the_edge() -> None:
+    scene = table("book_lying", (-0.1, -0.2), "cup", (-0.1, 0.27))
+    found = forecast(scene, "push thing_0 to the left of other_0")
+    assert not found
+    assert found.failure is not None
+    assert found.failure.kind is FailureKind.NO_PATH
+    assert "no straight push" in found.reason
