@@ -14,10 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.geometry import Array
 from executor.planning.cargo import Carried
 from executor.planning.paths import spread_out
+from executor.planning.separation import HELD, Boxes, Separation, Wanted
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import Kinematics
@@ -43,8 +45,6 @@ _DISTURBED_M = 0.001  # A body that stepping moved farther is put back.
 _NEARER_M = 0.0005  # Contacts at the start may come no nearer than by this.
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
-
-HELD = "held object"
 
 Allowed = frozenset[tuple[str, str]]
 """Pairs of a mover and an object's id, or "id/link" for one link of it, that may touch."""
@@ -97,6 +97,8 @@ class CollisionOracle:
         self._joints_shown = False
         self._loose: tuple[str, ...] = ()
         self._near_at_start: dict[tuple[str, str], float] = {}
+        self._separation = Separation(world)
+        self._boxes: Boxes | None = None
         for object_id in world.dynamic_ids:
             world.hold(object_id, still=True)
 
@@ -108,7 +110,7 @@ class CollisionOracle:
             for i in world.articulated_ids
             for joint in world.assets[i].joints
         }
-        self._shown, self._joints_shown = {}, False
+        self._shown, self._joints_shown, self._boxes = {}, False, None
         self._stale = dict.fromkeys(self._resting)
 
     def joint_position(self, joint: JointTarget) -> float:
@@ -117,7 +119,7 @@ class CollisionOracle:
 
     def set_joint(self, joint: JointTarget, position: float) -> None:
         """Set an object's joint in the oracle's world, to plan for later."""
-        self._joints[joint], self._joints_shown = position, False
+        self._joints[joint], self._joints_shown, self._boxes = position, False, None
 
     @contextmanager
     def without_clearance(self) -> Iterator[None]:
@@ -169,9 +171,7 @@ class CollisionOracle:
                 all the same).
             joints: Positions of objects' joints that differ from the synchronised ones (a door in motion).
         """
-        effort = self.kinematics.effort
-        effort.queries += 1
-        effort.add(QUERY_S)
+        self._counted()
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
         moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
@@ -193,7 +193,7 @@ class CollisionOracle:
                     found[key] = min(gap_m, found.get(key, np.inf))
                     break
         for mover, other in found:
-            effort.met[f"{mover} and {other}"] += 1
+            self.kinematics.effort.met[f"{mover} and {other}"] += 1
         return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
 
     def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
@@ -207,7 +207,11 @@ class CollisionOracle:
 
     def is_path_free(self, path: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
         """Return whether all configurations (N, Q) are free; distant ones come first, which finds walls sooner."""
-        return all(self.is_free(path[k], margin_m=margin_m, allowed=allowed) for k in spread_out(len(path)))
+        surely = self._surely_free(path, self.opening_m, margin_m, allowed)
+        return all(
+            self._counted() if surely[k] else self.is_free(path[k], margin_m=margin_m, allowed=allowed)
+            for k in spread_out(len(path))
+        )
 
     def first_hit(
         self,
@@ -219,8 +223,14 @@ class CollisionOracle:
         joints: Iterable[Mapping[JointTarget, float]] | None = None,
     ) -> Hit | None:
         """Return the first hit along a path of configurations (Q,), or None when all are free."""
+        path = list(path)
+        opening = self.opening_m if opening_m is None else opening_m
+        surely = self._surely_free(np.array(path), opening, margin_m, allowed) if joints is None else None
         moved = iter(joints) if joints is not None else None
-        for q in path:
+        for k, q in enumerate(path):
+            if surely is not None and surely[k]:
+                self._counted()
+                continue
             hits = self.hits(
                 q,
                 opening_m=opening_m,
@@ -231,6 +241,22 @@ class CollisionOracle:
             if hits:
                 return min(hits, key=lambda hit: hit.separation_m)
         return None
+
+    def _counted(self) -> bool:
+        """Count a configuration that is known to be free; return True."""
+        effort = self.kinematics.effort
+        effort.queries += 1
+        effort.add(QUERY_S)
+        return True
+
+    def _surely_free(self, path: Array, opening_m: float, margin_m: float, allowed: Allowed) -> NDArray[np.bool_]:
+        """Return (N,) which configurations of a path (N, Q) are free without asking the engine."""
+        if not len(path):
+            return np.zeros(0, dtype=bool)
+        if self._boxes is None:
+            self._boxes = self._separation.boxes(self._resting, self._joints)
+        wanted = Wanted(lambda mover: self._clearance_m(mover, margin_m), SELF_CLEARANCE_M, self.carried, allowed)
+        return self._separation.surely_free(path, opening_m, self._boxes, wanted)
 
     def _place(self, q: Array, opening_m: float, joints: Mapping[JointTarget, float]) -> None:
         robot = self.world.robot
@@ -276,12 +302,16 @@ class CollisionOracle:
     def _wanted_m(self, mover: str, far: BodyRef, margin_m: float) -> float:
         if far.owner == ROBOT:
             return SELF_CLEARANCE_M
+        wanted_m = self._clearance_m(mover, margin_m)
+        return wanted_m if mover in self._base_links or "/" in mover else wanted_m - min(self.slack_m, wanted_m / 2)
+
+    def _clearance_m(self, mover: str, margin_m: float) -> float:
+        """Return what a mover has to keep from everything but the robot, without slack."""
         if mover in self._base_links:
             return max(margin_m, self.base_clearance_m)
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)
-        wanted_m = max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
-        return wanted_m - min(self.slack_m, wanted_m / 2)
+        return max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
 
 
 def fingers_may_touch(robot: Robot, other: str, *, hand: bool = False) -> Allowed:

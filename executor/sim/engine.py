@@ -6,6 +6,7 @@ does not know it: grasps, forces and speeds are chosen as ever, and the experime
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -93,6 +94,28 @@ def pose_matrix(pose: Any) -> Array:
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
+
+
+def shape_box(shape: Any) -> tuple[Array, Array]:
+    """Return the box around a collision shape: its pose (4, 4) in the body's frame, and its half sides (3,)."""
+    physx = load_sapien().physx
+    T = pose_matrix(shape.local_pose)
+    if isinstance(shape, physx.PhysxCollisionShapeBox):
+        return T, np.asarray(shape.half_size, dtype=float)
+    if isinstance(shape, physx.PhysxCollisionShapeSphere):
+        return T, np.full(3, float(shape.radius))
+    if isinstance(shape, physx.PhysxCollisionShapeCylinder):
+        return T, np.array([shape.half_length, shape.radius, shape.radius], dtype=float)
+    points = np.asarray(shape.vertices, dtype=float) * np.asarray(shape.scale, dtype=float)
+    low, high = points.min(axis=0), points.max(axis=0)
+    T[:3, 3] += T[:3, :3] @ (low + high) / 2
+    return T, (high - low) / 2
+
+
+def collide(one: Any, other: Any) -> bool:
+    """Return whether any shapes of two bodies share no bit of the ignore group, so that they can collide."""
+    bits = ([shape.get_collision_groups()[2] for shape in body.collision_shapes] for body in (one, other))
+    return any(not a & b for a, b in itertools.product(*bits))
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -1,0 +1,278 @@
+"""Configurations that are surely free, by boxes around all shapes: of whole paths at once, without asking the engine.
+
+Each collision shape lies within a box. What separates two boxes along any direction separates the shapes in them by as
+much, so a gap along one of fifteen directions is a lower bound of their distance. Where every bound exceeds the wanted
+clearance the engine would report nothing. What this cannot decide is left to the engine.
+
+Source: Gottschalk, Lin and Manocha, OBBTree: a hierarchical structure for rapid interference detection, 1996.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.assets.asset_geometry import joint_transform
+from executor.geometry import Array
+from executor.planning.cargo import Carried
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import base_links
+from executor.sim.robot.link_frames import LinkFrames
+from executor.sim.world import World
+
+TOLERANCE_M = 5e-4
+"""The engine computes in single precision, and keeps contact points while bodies move a little."""
+
+PARALLEL = 1e-4  # Of the squared sine between two edges, whose common normal rounding would decide.
+HELD = "held object"
+Flags = NDArray[np.bool_]
+
+
+Pairs = tuple[NDArray[np.intp], Array, Array, Array, Array, Array]
+"""Pairs of boxes: numbers of their configurations (K,), poses and half sides of both, and the distance to be kept."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wanted:
+    """What is to be kept from what.
+
+    Attributes:
+        of: Wanted clearance of a mover from all objects.
+        itself_m: The same of the robot from itself.
+        carried: What is in the gripper.
+        allowed: Pairs of a mover and what it may touch.
+    """
+
+    of: Callable[[str], float]
+    itself_m: float
+    carried: Carried | None
+    allowed: Iterable[tuple[str, str]]
+
+
+class Boxes:
+    """Boxes of bodies.
+
+    Args:
+        owners, links: (M,) names of the bodies' owners and links.
+        poses: (M, 4, 4) their poses.
+        halves_m: (M, 3) half their sides.
+
+    Attributes:
+        low_m, high_m: (M, 3) corners of the upright boxes around them.
+    """
+
+    def __init__(self, owners: NDArray[np.str_], links: NDArray[np.str_], poses: Array, halves_m: Array) -> None:
+        self.owners, self.links, self.poses, self.halves_m = owners, links, poses, halves_m
+        spans_m = (np.abs(poses[:, :3, :3]) @ halves_m[:, :, None])[..., 0]
+        self.low_m, self.high_m = poses[:, :3, 3] - spans_m, poses[:, :3, 3] + spans_m
+
+    def of(self, chosen: Flags) -> Boxes:
+        """Return some of the boxes."""
+        return Boxes(self.owners[chosen], self.links[chosen], self.poses[chosen], self.halves_m[chosen])
+
+    def allowed_with(self, mover: str, allowed: Iterable[tuple[str, str]]) -> Flags:
+        """Return (M,) whether a mover may touch each of them."""
+        found = np.zeros(len(self.owners), dtype=bool)
+        for name, other in allowed:
+            if name == mover:
+                owner, _, link = other.partition("/")
+                found |= (self.owners == owner) & ((self.links == link) if link else True)
+        return found
+
+
+class Separation:
+    """Lower bounds of the distances of a robot, and of what it carries, to everything else and to itself.
+
+    Args:
+        world: The oracle's; its shapes are those of the engine.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world, robot = world, world.model
+        every = world.collision_boxes()
+        self._frames = LinkFrames(robot)
+        mine = [(ref.link, T, half_m) for ref, T, half_m in every if ref.owner == ROBOT]
+        # Fingers are small, and of many shapes.
+        for link in robot.finger_links:
+            pieces = [(T, half_m) for name, T, half_m in mine if name == link]
+            mine = [*(each for each in mine if each[0] != link), (link, *_around(pieces))]
+        self._links = tuple(link for link, _, _ in mine)
+        self._own_poses = np.stack([T for _, T, _ in mine])[:, None]
+        self._own_halves_m = np.stack([half_m for _, _, half_m in mine])
+        self._stands = np.isin(self._links, list(base_links(robot)))
+        self._arm = np.flatnonzero(~np.isin(self._links, list(robot.gripper_links)))
+        colliding = world.self_collisions() - {frozenset(robot.finger_links)}
+        first, second = np.triu_indices(len(self._links), 1)
+        meets = [frozenset((self._links[i], self._links[j])) in colliding for i, j in zip(first, second, strict=True)]
+        self._self_pairs = np.stack([first[meets], second[meets]])
+        theirs = [(ref, T, half_m) for ref, T, half_m in every if ref.owner != ROBOT]
+        self._bodies = list(dict.fromkeys(ref for ref, _, _ in theirs))
+        self._body_of = np.array([self._bodies.index(ref) for ref, _, _ in theirs], dtype=int)
+        self._their_poses = np.array([T for _, T, _ in theirs]).reshape(-1, 4, 4)
+        self._their_halves_m = np.array([half_m for _, _, half_m in theirs]).reshape(-1, 3)
+        self._owners = np.array([ref.owner for ref, _, _ in theirs])
+        self._link_names = np.array([ref.link for ref, _, _ in theirs])
+
+    def boxes(self, resting: Mapping[str, Array], joints: Mapping[tuple[str, str], float]) -> Boxes:
+        """Return the boxes of all objects.
+
+        Args:
+            resting: Pose (4, 4) of each object that can be moved.
+            joints: Position of each joint, by object and name.
+        """
+        world, poses = self._world, list[Array]()
+        for ref in self._bodies:
+            T = resting[ref.owner] if ref.owner in resting else world.T_world_link(ref.owner)
+            joint = next((each for each in world.assets[ref.owner].joints if each.child == ref.link), None)
+            poses.append(T if joint is None else T @ joint_transform(joint, joints[ref.owner, joint.name]))
+        T_world_body = np.array(poses).reshape(-1, 4, 4)[self._body_of]
+        return Boxes(self._owners, self._link_names, T_world_body @ self._their_poses, self._their_halves_m)
+
+    def surely_free(self, path: Array, opening_m: float, around: Boxes, wanted: Wanted) -> Flags:
+        """Return (N,) which configurations keep the wanted clearance from everything; others may do so all the same.
+
+        Args:
+            path: (N, Q) configurations.
+            opening_m: Position of each finger.
+            around: All objects; what is carried is left out.
+            wanted: What is to be kept from what.
+        """
+        # The base alone moves in most paths: then all distances within the robot are those at the start.
+        same = bool((path[:, 3:] == path[0, 3:]).all())
+        ids = wanted.carried.ids if wanted.carried is not None else ()
+        T, halves_m = self._movers(path[:1] if same else path, opening_m, wanted.carried)
+        movers = [*self._links, *(HELD for _ in ids)]
+        clearances_m = np.array([wanted.of(mover) for mover in movers]) + TOLERANCE_M
+        free = np.ones(len(path), dtype=bool)
+        self._keep_apart(free[:1] if same else free, self._near_itself(T, halves_m, clearances_m, wanted))
+        if same and not free[0]:
+            return np.zeros(len(path), dtype=bool)
+        T = _moved(path) @ T if same else T
+        low_m = T[:, :, 2, 3] - (np.abs(T[:, :, 2, :3]) @ halves_m[:, :, None])[..., 0]
+        off_floor = ~np.concatenate([self._stands, np.zeros(len(ids), dtype=bool)])
+        free &= (low_m[off_floor] > clearances_m[off_floor, None]).all(axis=0)
+        around = around.of(~np.isin(around.owners, ids)) if ids else around
+        self._keep_apart(free, self._near_others(T, halves_m, clearances_m, around, movers, wanted.allowed))
+        return free
+
+    def _movers(self, path: Array, opening_m: float, carried: Carried | None) -> tuple[Array, Array]:
+        """Return the boxes of all that moves, the robot's first: (S, N, 4, 4) poses, and (S, 3) half sides."""
+        T_links, T_eef = self._frames.at(path, opening_m, self._links)
+        poses, halves_m = [T_links @ self._own_poses], [self._own_halves_m]
+        for name, T_eef_object in carried.poses if carried is not None else ():
+            mine = self._owners == name
+            T, half_m = _around(list(zip(self._their_poses[mine], self._their_halves_m[mine], strict=True)))
+            poses.append((T_eef @ (T_eef_object @ T))[None])
+            halves_m.append(half_m[None])
+        return np.concatenate(poses), np.concatenate(halves_m)
+
+    def _keep_apart(self, free: Flags, pairs: Pairs) -> None:
+        """Take away the flags of configurations of which one pair may be too near."""
+        n, A, a, B, b, least_m = pairs
+        if len(n):
+            free[n[~_are_apart(A, a, B, b, least_m)]] = False
+
+    def _near_others(
+        self,
+        T: Array,
+        halves_m: Array,
+        clearances_m: Array,
+        around: Boxes,
+        movers: list[str],
+        allowed: Iterable[tuple[str, str]],
+    ) -> Pairs:
+        """Return the pairs of a mover and an object that spheres about the movers do not separate."""
+        reach_m = np.linalg.norm(halves_m, axis=1) + clearances_m
+        centres_m = T[:, :, :3, 3]
+        low_m = (centres_m.min(axis=1) - reach_m[:, None]).min(axis=0)
+        high_m = (centres_m.max(axis=1) + reach_m[:, None]).max(axis=0)
+        around = around.of(((around.high_m >= low_m) & (around.low_m <= high_m)).all(axis=1))
+        axes, points = around.poses[:, :3, :3], around.poses[:, :3, 3]
+        local = centres_m.reshape(-1, 3) @ axes.transpose(1, 0, 2).reshape(3, -1)
+        local = local.reshape(*centres_m.shape[:2], len(axes), 3) - np.einsum("mi,mij->mj", points, axes)
+        beyond = np.maximum(np.abs(local) - around.halves_m, 0.0)
+        near = np.einsum("snmk,snmk->snm", beyond, beyond) <= (reach_m**2)[:, None, None]
+        if allowed:
+            near &= ~np.stack([around.allowed_with(mover, allowed) for mover in movers])[:, None]
+        s, n, m = np.nonzero(near)
+        return n, T[s, n], halves_m[s], around.poses[m], around.halves_m[m], clearances_m[s]
+
+    def _near_itself(self, T: Array, halves_m: Array, clearances_m: Array, wanted: Wanted) -> Pairs:
+        """Return the pairs of the robot and itself, and of its arm and what it carries, that are not far apart."""
+        count = len(self._links)
+        held = np.arange(count, len(halves_m))
+        with_held = np.stack([np.tile(self._arm, len(held)), np.repeat(held, len(self._arm))])
+        first, second = np.concatenate([self._self_pairs, with_held], axis=1)
+        own_m = np.full(self._self_pairs.shape[1], wanted.itself_m + TOLERANCE_M)
+        least_m = np.concatenate([own_m, clearances_m[with_held[0]]])
+        # A sphere about the second, the box of the first.
+        offsets_m = T[second, :, :3, 3] - T[first, :, :3, 3]
+        local = np.abs(np.einsum("pni,pnij->pnj", offsets_m, T[first, :, :3, :3]))
+        beyond = np.maximum(local - halves_m[first, None], 0.0)
+        reach_m = np.linalg.norm(halves_m[second], axis=1) + least_m
+        p, n = np.nonzero(np.einsum("pnk,pnk->pn", beyond, beyond) <= (reach_m**2)[:, None])
+        first, second = first[p], second[p]
+        return n, T[first, n], halves_m[first], T[second, n], halves_m[second], least_m[p]
+
+
+def _moved(path: Array) -> Array:
+    """Return (N, 4, 4) motions of the base's plane from the first configuration to each."""
+    turned = path[:, 2] - path[0, 2]
+    c, s = np.cos(turned), np.sin(turned)
+    T = np.tile(np.eye(4), (len(path), 1, 1))
+    T[:, 0, 0], T[:, 0, 1], T[:, 1, 0], T[:, 1, 1] = c, -s, s, c
+    x, y = path[0, :2]
+    T[:, 0, 3], T[:, 1, 3] = path[:, 0] - c * x + s * y, path[:, 1] - s * x - c * y
+    return T
+
+
+def _around(boxes: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return the box around some boxes of one body: pose (4, 4) in its frame, and half sides (3,).
+
+    A single one stays as it is.
+    """
+    if len(boxes) == 1:
+        return boxes[0]
+    spans_m = [np.abs(T[:3, :3]) @ half_m for T, half_m in boxes]
+    low_m = np.min([T[:3, 3] - span_m for (T, _), span_m in zip(boxes, spans_m, strict=True)], axis=0)
+    high_m = np.max([T[:3, 3] + span_m for (T, _), span_m in zip(boxes, spans_m, strict=True)], axis=0)
+    T = np.eye(4)
+    T[:3, 3] = (low_m + high_m) / 2
+    return T, (high_m - low_m) / 2
+
+
+def _are_apart(A: Array, a: Array, B: Array, b: Array, least_m: Array) -> Flags:
+    """Return (K,) whether pairs of boxes are surely farther apart than a distance.
+
+    Args:
+        A, B: (K, 4, 4) poses.
+        a, b: (K, 3) half sides.
+        least_m: (K,) the distance.
+    """
+    turned = A[:, :3, :3].transpose(0, 2, 1) @ B[:, :3, :3]
+    absolute = np.abs(turned)
+    offset_m = B[:, :3, 3] - A[:, :3, 3]
+    along_a = np.einsum("ki,kij->kj", offset_m, A[:, :3, :3])
+    along_b = np.einsum("ki,kij->kj", offset_m, B[:, :3, :3])
+    by_a = np.abs(along_a) - a - np.einsum("kij,kj->ki", absolute, b)
+    by_b = np.abs(along_b) - b - np.einsum("kij,ki->kj", absolute, a)
+    apart = np.maximum(by_a, by_b).max(axis=1) > least_m
+    rest = np.flatnonzero(~apart)
+    if len(rest):
+        apart[rest] = _edges_apart(turned[rest], absolute[rest], along_a[rest], a[rest], b[rest], least_m[rest])
+    return apart
+
+
+def _edges_apart(turned: Array, absolute: Array, along_a: Array, a: Array, b: Array, least_m: Array) -> Flags:
+    """Return (K,) whether the common normal of two edges separates boxes, given in the frame of the first ones."""
+    nexts, lasts = [1, 2, 0], [2, 0, 1]
+    # Normal of edges i of the first and j of the second: e_i x B_j, whose parts are those of B_j.
+    reach_m = np.abs(along_a[:, lasts, None] * turned[:, nexts] - along_a[:, nexts, None] * turned[:, lasts])
+    mine_m = a[:, nexts, None] * absolute[:, lasts] + a[:, lasts, None] * absolute[:, nexts]
+    theirs_m = b[:, None, nexts] * absolute[:, :, lasts] + b[:, None, lasts] * absolute[:, :, nexts]
+    squared = 1.0 - turned**2
+    gaps_m = (reach_m - mine_m - theirs_m) / np.sqrt(np.maximum(squared, PARALLEL))
+    return np.asarray((np.where(squared > PARALLEL, gaps_m, -np.inf).max(axis=(1, 2))) > least_m)
