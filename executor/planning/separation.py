@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.asset_geometry import joint_transform
-from executor.geometry import Array
+from executor.geometry import Array, transform
 from executor.planning.cargo import Carried
-from executor.sim.engine import ROBOT
+from executor.sim.engine import ROBOT, ShapeBox
 from executor.sim.robot.description import base_links
 from executor.sim.robot.link_frames import LinkFrames
 from executor.sim.world import World
@@ -29,10 +29,7 @@ TOLERANCE_M = 5e-4
 PARALLEL = 1e-4  # Of the squared sine between two edges, whose common normal rounding would decide.
 HELD = "held object"
 Flags = NDArray[np.bool_]
-
-
-Pairs = tuple[NDArray[np.intp], Array, Array, Array, Array, Array]
-"""Pairs of boxes: numbers of their configurations (K,), poses and half sides of both, and the distance to be kept."""
+Numbers = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,27 +91,31 @@ class Separation:
         self._world, robot = world, world.model
         every = world.collision_boxes()
         self._frames = LinkFrames(robot)
-        mine = [(ref.link, T, half_m) for ref, T, half_m in every if ref.owner == ROBOT]
+        mine = [(ref.link, box) for ref, box in every if ref.owner == ROBOT]
         # Fingers are small, and of many shapes.
         for link in robot.finger_links:
-            pieces = [(T, half_m) for name, T, half_m in mine if name == link]
-            mine = [*(each for each in mine if each[0] != link), (link, *_around(pieces))]
-        self._links = tuple(link for link, _, _ in mine)
-        self._own_poses = np.stack([T for _, T, _ in mine])[:, None]
-        self._own_halves_m = np.stack([half_m for _, _, half_m in mine])
+            around = _around([box for name, box in mine if name == link])
+            mine = [*(each for each in mine if each[0] != link), (link, around)]
+        self._links = tuple(link for link, _ in mine)
+        self._own_poses = np.stack([box.T_body_box for _, box in mine])[:, None]
+        self._own_halves_m = np.stack([box.half_m for _, box in mine])
+        most = max(len(box.points_m) for _, box in mine)
+        self._own_points_m = np.stack([np.resize(box.points_m, (most, 3)) for _, box in mine])
         self._stands = np.isin(self._links, list(base_links(robot)))
         self._arm = np.flatnonzero(~np.isin(self._links, list(robot.gripper_links)))
         colliding = world.self_collisions() - {frozenset(robot.finger_links)}
         first, second = np.triu_indices(len(self._links), 1)
         meets = [frozenset((self._links[i], self._links[j])) in colliding for i, j in zip(first, second, strict=True)]
         self._self_pairs = np.stack([first[meets], second[meets]])
-        theirs = [(ref, T, half_m) for ref, T, half_m in every if ref.owner != ROBOT]
-        self._bodies = list(dict.fromkeys(ref for ref, _, _ in theirs))
-        self._body_of = np.array([self._bodies.index(ref) for ref, _, _ in theirs], dtype=int)
-        self._their_poses = np.array([T for _, T, _ in theirs]).reshape(-1, 4, 4)
-        self._their_halves_m = np.array([half_m for _, _, half_m in theirs]).reshape(-1, 3)
-        self._owners = np.array([ref.owner for ref, _, _ in theirs])
-        self._link_names = np.array([ref.link for ref, _, _ in theirs])
+        theirs = [(ref, box) for ref, box in every if ref.owner != ROBOT]
+        self._bodies = list(dict.fromkeys(ref for ref, _ in theirs))
+        self._body_of = np.array([self._bodies.index(ref) for ref, _ in theirs], dtype=int)
+        self._their_poses = np.array([box.T_body_box for _, box in theirs]).reshape(-1, 4, 4)
+        self._their_halves_m = np.array([box.half_m for _, box in theirs]).reshape(-1, 3)
+        self._owners = np.array([ref.owner for ref, _ in theirs])
+        self._link_names = np.array([ref.link for ref, _ in theirs])
+        items = {ref.owner for ref, _ in theirs if ref.owner in world.dynamic_ids}
+        self._item_boxes = {name: _around([box for ref, box in theirs if ref.owner == name]) for name in items}
 
     def boxes(self, resting: Mapping[str, Array], joints: Mapping[tuple[str, str], float]) -> Boxes:
         """Return the boxes of all objects.
@@ -147,15 +148,16 @@ class Separation:
         movers = [*self._links, *(HELD for _ in ids)]
         clearances_m = np.array([wanted.of(mover) for mover in movers]) + TOLERANCE_M
         free = np.ones(len(path), dtype=bool)
-        self._keep_apart(free[:1] if same else free, self._near_itself(T, halves_m, clearances_m, wanted))
-        if same and not free[0]:
+        within = free[:1] if same else free
+        within[self._near_itself(T, halves_m, clearances_m, wanted)] = False
+        if not within.any():
             return np.zeros(len(path), dtype=bool)
         T = _moved(path) @ T if same else T
         low_m = T[:, :, 2, 3] - (np.abs(T[:, :, 2, :3]) @ halves_m[:, :, None])[..., 0]
         off_floor = ~np.concatenate([self._stands, np.zeros(len(ids), dtype=bool)])
         free &= (low_m[off_floor] > clearances_m[off_floor, None]).all(axis=0)
         around = around.of(~np.isin(around.owners, ids)) if ids else around
-        self._keep_apart(free, self._near_others(T, halves_m, clearances_m, around, movers, wanted.allowed))
+        free[self._near_others(T, halves_m, clearances_m, around, movers, wanted.allowed)] = False
         return free
 
     def _movers(self, path: Array, opening_m: float, carried: Carried | None) -> tuple[Array, Array]:
@@ -163,17 +165,10 @@ class Separation:
         T_links, T_eef = self._frames.at(path, opening_m, self._links)
         poses, halves_m = [T_links @ self._own_poses], [self._own_halves_m]
         for name, T_eef_object in carried.poses if carried is not None else ():
-            mine = self._owners == name
-            T, half_m = _around(list(zip(self._their_poses[mine], self._their_halves_m[mine], strict=True)))
-            poses.append((T_eef @ (T_eef_object @ T))[None])
-            halves_m.append(half_m[None])
+            box = self._item_boxes[name]
+            poses.append((T_eef @ (T_eef_object @ box.T_body_box))[None])
+            halves_m.append(box.half_m[None])
         return np.concatenate(poses), np.concatenate(halves_m)
-
-    def _keep_apart(self, free: Flags, pairs: Pairs) -> None:
-        """Take away the flags of configurations of which one pair may be too near."""
-        n, A, a, B, b, least_m = pairs
-        if len(n):
-            free[n[~_are_apart(A, a, B, b, least_m)]] = False
 
     def _near_others(
         self,
@@ -183,8 +178,8 @@ class Separation:
         around: Boxes,
         movers: list[str],
         allowed: Iterable[tuple[str, str]],
-    ) -> Pairs:
-        """Return the pairs of a mover and an object that spheres about the movers do not separate."""
+    ) -> Numbers:
+        """Return the numbers of configurations in which a mover may be too near to an object."""
         reach_m = np.linalg.norm(halves_m, axis=1) + clearances_m
         centres_m = T[:, :, :3, 3]
         low_m = (centres_m.min(axis=1) - reach_m[:, None]).min(axis=0)
@@ -198,10 +193,13 @@ class Separation:
         if allowed:
             near &= ~np.stack([around.allowed_with(mover, allowed) for mover in movers])[:, None]
         s, n, m = np.nonzero(near)
-        return n, T[s, n], halves_m[s], around.poses[m], around.halves_m[m], clearances_m[s]
+        if not len(n):
+            return n
+        apart = _are_apart(T[s, n], halves_m[s], around.poses[m], around.halves_m[m], clearances_m[s])
+        return np.asarray(n[~apart])
 
-    def _near_itself(self, T: Array, halves_m: Array, clearances_m: Array, wanted: Wanted) -> Pairs:
-        """Return the pairs of the robot and itself, and of its arm and what it carries, that are not far apart."""
+    def _near_itself(self, T: Array, halves_m: Array, clearances_m: Array, wanted: Wanted) -> Numbers:
+        """Return the numbers of configurations in which the robot may be too near to itself or to what it carries."""
         count = len(self._links)
         held = np.arange(count, len(halves_m))
         with_held = np.stack([np.tile(self._arm, len(held)), np.repeat(held, len(self._arm))])
@@ -214,8 +212,16 @@ class Separation:
         beyond = np.maximum(local - halves_m[first, None], 0.0)
         reach_m = np.linalg.norm(halves_m[second], axis=1) + least_m
         p, n = np.nonzero(np.einsum("pnk,pnk->pn", beyond, beyond) <= (reach_m**2)[:, None])
-        first, second = first[p], second[p]
-        return n, T[first, n], halves_m[first], T[second, n], halves_m[second], least_m[p]
+        if not len(n):
+            return n
+        first, second, least_m = first[p], second[p], least_m[p]
+        close = ~_are_apart(T[first, n], halves_m[first], T[second, n], halves_m[second], least_m)
+        # A link may be near with a corner of its box alone, where it has none.
+        own = np.flatnonzero(close & (second < len(self._links)))
+        first, second = first[own], second[own]
+        gaps_m = _gaps_m(T[first, n[own]], halves_m[first], T[second, n[own]], self._own_points_m[second])
+        close[own] = gaps_m <= least_m[own]
+        return np.asarray(n[close])
 
 
 def _moved(path: Array) -> Array:
@@ -229,19 +235,14 @@ def _moved(path: Array) -> Array:
     return T
 
 
-def _around(boxes: list[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Return the box around some boxes of one body: pose (4, 4) in its frame, and half sides (3,).
-
-    A single one stays as it is.
-    """
+def _around(boxes: list[ShapeBox]) -> ShapeBox:
+    """Return the box around some boxes of one body; a single one stays as it is."""
     if len(boxes) == 1:
         return boxes[0]
-    spans_m = [np.abs(T[:3, :3]) @ half_m for T, half_m in boxes]
-    low_m = np.min([T[:3, 3] - span_m for (T, _), span_m in zip(boxes, spans_m, strict=True)], axis=0)
-    high_m = np.max([T[:3, 3] + span_m for (T, _), span_m in zip(boxes, spans_m, strict=True)], axis=0)
-    T = np.eye(4)
-    T[:3, 3] = (low_m + high_m) / 2
-    return T, (high_m - low_m) / 2
+    points_m = np.concatenate([box.points_m @ box.T_body_box[:3, :3].T + box.T_body_box[:3, 3] for box in boxes])
+    low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
+    middle_m = (low_m + high_m) / 2
+    return ShapeBox(transform(np.eye(3), middle_m), (high_m - low_m) / 2, points_m - middle_m)
 
 
 def _are_apart(A: Array, a: Array, B: Array, b: Array, least_m: Array) -> Flags:
@@ -276,3 +277,23 @@ def _edges_apart(turned: Array, absolute: Array, along_a: Array, a: Array, b: Ar
     squared = 1.0 - turned**2
     gaps_m = (reach_m - mine_m - theirs_m) / np.sqrt(np.maximum(squared, PARALLEL))
     return np.asarray((np.where(squared > PARALLEL, gaps_m, -np.inf).max(axis=(1, 2))) > least_m)
+
+
+def _gaps_m(A: Array, a: Array, B: Array, points_m: Array) -> Array:
+    """Return (K,) lower bounds of the distance of boxes to hulls: across their sides, and towards the nearest points.
+
+    Args:
+        A, B: (K, 4, 4) poses of boxes and hulls.
+        a: (K, 3) half sides of the boxes.
+        points_m: (K, V, 3) the hulls' points.
+    """
+    turned = A[:, :3, :3].transpose(0, 2, 1) @ B[:, :3, :3]
+    offset_m = np.einsum("ki,kij->kj", B[:, :3, 3] - A[:, :3, 3], A[:, :3, :3])
+    local = points_m @ turned.transpose(0, 2, 1) + offset_m[:, None]
+    across_m = (np.maximum(local.min(axis=1), -local.max(axis=1)) - a).max(axis=1)
+    beyond = local - np.clip(local, -a[:, None], a[:, None])
+    nearest = np.einsum("kvi,kvi->kv", beyond, beyond).argmin(axis=1)
+    towards = beyond[np.arange(len(a)), nearest]
+    towards /= np.maximum(np.linalg.norm(towards, axis=1), TOLERANCE_M)[:, None]
+    along_m = (local @ towards[:, :, None]).min(axis=(1, 2)) - np.einsum("ki,ki->k", np.abs(towards), a)
+    return np.asarray(np.maximum(across_m, along_m))

@@ -96,20 +96,37 @@ def pose_matrix(pose: Any) -> Array:
     )
 
 
-def shape_box(shape: Any) -> tuple[Array, Array]:
-    """Return the box around a collision shape: its pose (4, 4) in the body's frame, and its half sides (3,)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeBox:
+    """The box around a collision shape.
+
+    Attributes:
+        T_body_box: (4, 4) its pose in the body's frame.
+        half_m: (3,) half its sides.
+        points_m: (V, 3) points in its frame whose hull contains the shape.
+    """
+
+    T_body_box: Array
+    half_m: Array
+    points_m: Array
+
+
+def shape_box(shape: Any) -> ShapeBox:
+    """Return the box around a collision shape."""
     physx = load_sapien().physx
     T = pose_matrix(shape.local_pose)
+    if isinstance(shape, physx.PhysxCollisionShapeConvexMesh):
+        points = np.asarray(shape.vertices, dtype=float) * np.asarray(shape.scale, dtype=float)
+        low, high = points.min(axis=0), points.max(axis=0)
+        T[:3, 3] += T[:3, :3] @ (low + high) / 2
+        return ShapeBox(T, (high - low) / 2, points - (low + high) / 2)
     if isinstance(shape, physx.PhysxCollisionShapeBox):
-        return T, np.asarray(shape.half_size, dtype=float)
-    if isinstance(shape, physx.PhysxCollisionShapeSphere):
-        return T, np.full(3, float(shape.radius))
-    if isinstance(shape, physx.PhysxCollisionShapeCylinder):
-        return T, np.array([shape.half_length, shape.radius, shape.radius], dtype=float)
-    points = np.asarray(shape.vertices, dtype=float) * np.asarray(shape.scale, dtype=float)
-    low, high = points.min(axis=0), points.max(axis=0)
-    T[:3, 3] += T[:3, :3] @ (low + high) / 2
-    return T, (high - low) / 2
+        half = np.asarray(shape.half_size, dtype=float)
+    elif isinstance(shape, physx.PhysxCollisionShapeSphere):
+        half = np.full(3, float(shape.radius))
+    else:
+        half = np.array([shape.half_length, shape.radius, shape.radius], dtype=float)
+    return ShapeBox(T, half, half * np.array(list(itertools.product((-1.0, 1.0), repeat=3))))
 
 
 def collide(one: Any, other: Any) -> bool:

@@ -31,6 +31,7 @@ from executor.sim.engine import (
     BodyRef,
     Contact,
     Physics,
+    ShapeBox,
     add_ground,
     collide,
     contacts_of,
@@ -256,10 +257,10 @@ class World:
         """
         return pairs_nearer(self._system.get_contacts(), self._owner_of, owners, within_m)
 
-    def collision_boxes(self) -> list[tuple[BodyRef, Array, Array]]:
-        """Return a box around each collision shape but the floor: its body, pose (4, 4) there, and half sides (3,)."""
+    def collision_boxes(self) -> list[tuple[BodyRef, ShapeBox]]:
+        """Return each collision shape's body and box, but for the floor."""
         bodies = ((ref, body) for body, ref in self._owner_of.items() if ref.owner != GROUND)
-        return [(ref, *shape_box(shape)) for ref, body in bodies for shape in body.collision_shapes]
+        return [(ref, shape_box(shape)) for ref, body in bodies for shape in body.collision_shapes]
 
     def self_collisions(self) -> frozenset[frozenset[str]]:
         """Return the pairs of the robot's links that the engine lets collide."""
