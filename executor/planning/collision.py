@@ -85,6 +85,7 @@ class CollisionOracle:
         self.robot = world.model
         self.kinematics = Kinematics(world.robot, self.robot)
         self._base_links, self._arm_links = base_links(self.robot), frozenset(self.robot.arm_links)
+        self._gripper, self._fingers = frozenset(self.robot.gripper_links), frozenset(self.robot.finger_links)
         self.carried: Carried | None = None
         self.base_clearance_m = BASE_CLEARANCE_M
         self.arm_clearance_m = ARM_CLEARANCE_M
@@ -290,9 +291,9 @@ class CollisionOracle:
         """Return a body's name as a mover, or None where its nearness to the other does not count."""
         if near.owner == ROBOT:
             stands = far.owner == GROUND and near.link in self._base_links
-            if stands or (far.owner in carried and near.link in self.robot.gripper_links):
+            if stands or (far.owner in carried and near.link in self._gripper):
                 return None
-            fingers = self.robot.finger_links
+            fingers = self._fingers
             return None if near.link in fingers and far.link in fingers and far.owner == ROBOT else near.link
         if near.owner in carried:
             return None if far.owner == ROBOT or far.owner in carried else HELD

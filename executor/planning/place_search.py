@@ -12,6 +12,7 @@ import itertools
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -150,7 +151,12 @@ class HeadingStatistics:
 
 
 def _side(goal: HandGoal) -> tuple[str, float]:
-    return goal.region, float(np.round(np.mod(goal.heading_rad, 2 * np.pi), 2))
+    return goal.region, _rounded(goal.heading_rad)
+
+
+@cache  # Asked for hundreds of thousands of candidates, of a few dozen headings.
+def _rounded(heading_rad: float) -> float:
+    return float(np.round(np.mod(heading_rad, 2 * np.pi), 2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ Source: Gottschalk, Lin and Manocha, OBBTree: a hierarchical structure for rapid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +91,7 @@ class Separation:
         self._world, robot = world, world.model
         every = world.collision_boxes()
         self._frames = LinkFrames(robot)
+        self._postures: dict[Hashable, tuple[Array, Array, bool]] = {}
         mine = [(ref.link, box) for ref, box in every if ref.owner == ROBOT]
         # Fingers are small, and of many shapes.
         for link in robot.finger_links:
@@ -141,18 +142,28 @@ class Separation:
             around: All objects; what is carried is left out.
             wanted: What is to be kept from what.
         """
-        # The base alone moves in most paths: then all distances within the robot are those at the start.
-        same = bool((path[:, 3:] == path[0, 3:]).all())
-        ids = wanted.carried.ids if wanted.carried is not None else ()
-        T, halves_m = self._movers(path[:1] if same else path, opening_m, wanted.carried)
+        along = wanted.carried.poses if wanted.carried is not None else ()
+        ids = [name for name, _ in along]
         movers = [*self._links, *(HELD for _ in ids)]
         clearances_m = np.array([wanted.of(mover) for mover in movers]) + TOLERANCE_M
         free = np.ones(len(path), dtype=bool)
-        within = free[:1] if same else free
-        within[self._near_itself(T, halves_m, clearances_m, wanted)] = False
-        if not within.any():
-            return np.zeros(len(path), dtype=bool)
-        T = _moved(path) @ T if same else T
+        if (path[:, 3:] == path[0, 3:]).all():
+            # The base alone moves in most paths, and in many after another: the rest is the same as before.
+            held = tuple((name, T.tobytes()) for name, T in along)
+            key = (path[0, 3:].tobytes(), opening_m, held, clearances_m.tobytes(), wanted.itself_m)
+            if key not in self._postures:
+                T, halves_m = self._movers(path[:1] * (np.arange(path.shape[1]) > 2), opening_m, wanted.carried)
+                close = len(self._near_itself(T, halves_m, clearances_m, wanted)) > 0
+                self._postures = {key: (T, halves_m, close)}
+            T, halves_m, close = self._postures[key]
+            if close:
+                return ~free
+            T = _base_poses(path) @ T
+        else:
+            T, halves_m = self._movers(path, opening_m, wanted.carried)
+            free[self._near_itself(T, halves_m, clearances_m, wanted)] = False
+            if not free.any():
+                return free
         low_m = T[:, :, 2, 3] - (np.abs(T[:, :, 2, :3]) @ halves_m[:, :, None])[..., 0]
         off_floor = ~np.concatenate([self._stands, np.zeros(len(ids), dtype=bool)])
         free &= (low_m[off_floor] > clearances_m[off_floor, None]).all(axis=0)
@@ -224,14 +235,12 @@ class Separation:
         return np.asarray(n[close])
 
 
-def _moved(path: Array) -> Array:
-    """Return (N, 4, 4) motions of the base's plane from the first configuration to each."""
-    turned = path[:, 2] - path[0, 2]
-    c, s = np.cos(turned), np.sin(turned)
+def _base_poses(path: Array) -> Array:
+    """Return (N, 4, 4) poses of the base on the floor."""
+    c, s = np.cos(path[:, 2]), np.sin(path[:, 2])
     T = np.tile(np.eye(4), (len(path), 1, 1))
     T[:, 0, 0], T[:, 0, 1], T[:, 1, 0], T[:, 1, 1] = c, -s, s, c
-    x, y = path[0, :2]
-    T[:, 0, 3], T[:, 1, 3] = path[:, 0] - c * x + s * y, path[:, 1] - s * x - c * y
+    T[:, :2, 3] = path[:, :2]
     return T
 
 

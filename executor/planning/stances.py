@@ -6,7 +6,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -93,8 +93,7 @@ class HandGoal:
         return list(dict.fromkeys(round(height_m, 3) for height_m in heights))
 
 
-@dataclass(frozen=True, slots=True)
-class BaseCandidate:
+class BaseCandidate(NamedTuple):
     """A candidate base pose for a hand goal, with its cost."""
 
     goal: HandGoal

@@ -178,10 +178,7 @@ def pairs_nearer(
         first, second = contact.bodies
         a, b = owner_of[first], owner_of[second]
         if a.owner in owners or b.owner in owners:
-            gap_m = math.inf
-            for point in contact.points:  # Written out for speed: every query of a plan comes here.
-                if (separation_m := point.separation) < gap_m:
-                    gap_m = separation_m
+            gap_m = min([point.separation for point in contact.points], default=math.inf)
             if gap_m < within_m:
                 yield (a, b, gap_m) if _comes_first(a, b) else (b, a, gap_m)
 
