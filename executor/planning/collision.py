@@ -1,5 +1,8 @@
 """Exact collision queries for any robot configuration, from a second physics scene with the same bodies.
 
+Paths are looked at as a whole first: what boxes around all shapes show to be free (`separation`) is not put to the
+engine. It counts as looked at all the same, so that searches end alike.
+
 The oracle's world has no gravity and a time step of a microsecond. Setting a configuration and stepping once yields the
 physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried, cargo
 included, stays dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is
@@ -206,9 +209,26 @@ class CollisionOracle:
         found = self.hits(q, opening_m=opening_m, margin_m=within_m, allowed=allowed)
         return min((hit.separation_m for hit in found), default=within_m)
 
+    def surely_free(
+        self, path: Array, *, opening_m: float | None = None, margin_m: float = 0.0, allowed: Allowed = NOTHING
+    ) -> NDArray[np.bool_]:
+        """Return (N,) which configurations of a path (N, Q) boxes show to be free; the engine may find others free.
+
+        Args:
+            path: (N, Q) configurations.
+            opening_m, margin_m, allowed: As for `hits`.
+        """
+        if not len(path):
+            return np.zeros(0, dtype=bool)
+        if self._boxes is None:
+            self._boxes = self._separation.boxes(self._resting, self._joints)
+        opening = self.opening_m if opening_m is None else opening_m
+        wanted = Wanted(lambda mover: self._clearance_m(mover, margin_m), SELF_CLEARANCE_M, self.carried, allowed)
+        return self._separation.surely_free(path, opening, self._boxes, wanted)
+
     def is_path_free(self, path: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
         """Return whether all configurations (N, Q) are free; distant ones come first, which finds walls sooner."""
-        surely = self._surely_free(path, self.opening_m, margin_m, allowed)
+        surely = self.surely_free(path, margin_m=margin_m, allowed=allowed)
         return all(
             self._counted() if surely[k] else self.is_free(path[k], margin_m=margin_m, allowed=allowed)
             for k in spread_out(len(path))
@@ -224,12 +244,13 @@ class CollisionOracle:
         joints: Iterable[Mapping[JointTarget, float]] | None = None,
     ) -> Hit | None:
         """Return the first hit along a path of configurations (Q,), or None when all are free."""
-        path = list(path)
-        opening = self.opening_m if opening_m is None else opening_m
-        surely = self._surely_free(np.array(path), opening, margin_m, allowed) if joints is None else None
+        path = np.array(list(path))
+        surely = np.zeros(len(path), dtype=bool)
+        if joints is None:
+            surely = self.surely_free(path, opening_m=opening_m, margin_m=margin_m, allowed=allowed)
         moved = iter(joints) if joints is not None else None
-        for k, q in enumerate(path):
-            if surely is not None and surely[k]:
+        for q, free in zip(path, surely, strict=True):
+            if free:
                 self._counted()
                 continue
             hits = self.hits(
@@ -244,20 +265,11 @@ class CollisionOracle:
         return None
 
     def _counted(self) -> bool:
-        """Count a configuration that is known to be free; return True."""
+        """Count a configuration that is looked at; return True."""
         effort = self.kinematics.effort
         effort.queries += 1
         effort.add(QUERY_S)
         return True
-
-    def _surely_free(self, path: Array, opening_m: float, margin_m: float, allowed: Allowed) -> NDArray[np.bool_]:
-        """Return (N,) which configurations of a path (N, Q) are free without asking the engine."""
-        if not len(path):
-            return np.zeros(0, dtype=bool)
-        if self._boxes is None:
-            self._boxes = self._separation.boxes(self._resting, self._joints)
-        wanted = Wanted(lambda mover: self._clearance_m(mover, margin_m), SELF_CLEARANCE_M, self.carried, allowed)
-        return self._separation.surely_free(path, opening_m, self._boxes, wanted)
 
     def _place(self, q: Array, opening_m: float, joints: Mapping[JointTarget, float]) -> None:
         robot = self.world.robot

@@ -129,7 +129,7 @@ class Separation:
         for ref in self._bodies:
             T = resting[ref.owner] if ref.owner in resting else world.T_world_link(ref.owner)
             joint = next((each for each in world.assets[ref.owner].joints if each.child == ref.link), None)
-            poses.append(T if joint is None else T @ joint_transform(joint, joints[ref.owner, joint.name]))
+            poses.append(T if joint is None else T @ joint_transform(joint, joints.get((ref.owner, joint.name), 0.0)))
         T_world_body = np.array(poses).reshape(-1, 4, 4)[self._body_of]
         return Boxes(self._owners, self._link_names, T_world_body @ self._their_poses, self._their_halves_m)
 
