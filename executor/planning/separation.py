@@ -27,6 +27,7 @@ TOLERANCE_M = 5e-4
 """The engine computes in single precision, and keeps contact points while bodies move a little."""
 
 PARALLEL = 1e-4  # Of the squared sine between two edges, whose common normal rounding would decide.
+ROUNDS = 6  # Of the search for the direction in which a hull is nearest.
 HELD = "held object"
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
@@ -289,7 +290,10 @@ def _edges_apart(turned: Array, absolute: Array, along_a: Array, a: Array, b: Ar
 
 
 def _gaps_m(A: Array, a: Array, B: Array, points_m: Array) -> Array:
-    """Return (K,) lower bounds of the distance of boxes to hulls: across their sides, and towards the nearest points.
+    """Return (K,) lower bounds of the distance of boxes to hulls: across their sides, and along the way between them.
+
+    The way is followed from the hull's point that is nearest to the box to the nearest place between its points.
+    Source: Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set, 1966.
 
     Args:
         A, B: (K, 4, 4) poses of boxes and hulls.
@@ -301,8 +305,14 @@ def _gaps_m(A: Array, a: Array, B: Array, points_m: Array) -> Array:
     local = points_m @ turned.transpose(0, 2, 1) + offset_m[:, None]
     across_m = (np.maximum(local.min(axis=1), -local.max(axis=1)) - a).max(axis=1)
     beyond = local - np.clip(local, -a[:, None], a[:, None])
-    nearest = np.einsum("kvi,kvi->kv", beyond, beyond).argmin(axis=1)
-    towards = beyond[np.arange(len(a)), nearest]
-    towards /= np.maximum(np.linalg.norm(towards, axis=1), TOLERANCE_M)[:, None]
-    along_m = (local @ towards[:, :, None]).min(axis=(1, 2)) - np.einsum("ki,ki->k", np.abs(towards), a)
-    return np.asarray(np.maximum(across_m, along_m))
+    every, gaps_m = np.arange(len(a)), across_m
+    at_m = local[every, np.einsum("kvi,kvi->kv", beyond, beyond).argmin(axis=1)]
+    for _ in range(ROUNDS):
+        off_m = at_m - np.clip(at_m, -a, a)
+        towards = off_m / np.maximum(np.linalg.norm(off_m, axis=1), TOLERANCE_M)[:, None]
+        along_m = (local @ towards[:, :, None])[..., 0]
+        gaps_m = np.maximum(gaps_m, along_m.min(axis=1) - (np.abs(towards) * a).sum(axis=1))
+        step_m = local[every, along_m.argmin(axis=1)] - at_m
+        share = -(off_m * step_m).sum(axis=1) / np.maximum((step_m**2).sum(axis=1), TOLERANCE_M**2)
+        at_m = at_m + np.clip(share, 0.0, 1.0)[:, None] * step_m
+    return np.asarray(gaps_m)
