@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.geometry import Array
-from executor.planning.cargo import Carried
+from executor.planning.cargo import HELD, Carried
 from executor.planning.paths import spread_out
-from executor.planning.separation import HELD, Boxes, Separation, Wanted
+from executor.planning.separation import Boxes, Separation, Wanted
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import Kinematics

@@ -18,8 +18,8 @@ import numpy as np
 
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
-from executor.planning.cargo import Carried
-from executor.planning.collision import HELD, Hit
+from executor.planning.cargo import HELD, Carried
+from executor.planning.collision import Hit
 from executor.planning.paths import FINE_ARM_STEP_RAD, polyline
 from executor.planning.placements import UPWARD, placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from executor.assets.asset_geometry import joint_transform
 from executor.geometry import Array, transform
-from executor.planning.cargo import Carried
+from executor.planning.cargo import HELD, Carried
 from executor.sim.engine import ROBOT, ShapeBox
 from executor.sim.robot.description import base_links
 from executor.sim.robot.link_frames import LinkFrames
@@ -28,7 +28,6 @@ TOLERANCE_M = 5e-4
 
 PARALLEL = 1e-4  # Of the squared sine between two edges, whose common normal rounding would decide.
 ROUNDS = 6  # Of the search for the direction in which a hull is nearest.
-HELD = "held object"
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 

@@ -13,7 +13,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
-from executor.planning.collision import HELD, NOTHING, Allowed, Hit
+from executor.planning.cargo import HELD
+from executor.planning.collision import NOTHING, Allowed, Hit
 from executor.planning.planner import Planner
 from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import ArmSolution, Kinematics
