@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from executor.assets.asset_geometry import joint_transform
 from executor.assets.model import Handle, Joint
 from executor.geometry import Array, heading_of, inverse
-from executor.planning.cargo import Carried, riders
-from executor.planning.collision import HELD, Allowed, JointTarget, fingers_may_touch, held_may_touch
+from executor.planning.cargo import HELD, Carried, riders
+from executor.planning.collision import Allowed, JointTarget, fingers_may_touch, held_may_touch
 from executor.planning.drives import can_withdraw
 from executor.planning.grasps import Push
 from executor.planning.paths import arc_about, base_move, segment

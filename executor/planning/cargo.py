@@ -17,6 +17,9 @@ from executor.sim.world import World
 
 OUT_BY_M = 0.02  # What is outside is so far beyond the front: ten times what the robot is off its path.
 UPWARD = 0.5  # Of an opening's direction: from here on a region is open at the top.
+HELD = "held object"
+"""Name of what is in the gripper, its cargo included, as what moves."""
+
 EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
 
 

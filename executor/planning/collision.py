@@ -1,5 +1,8 @@
 """Exact collision queries for any robot configuration, from a second physics scene with the same bodies.
 
+Paths are looked at as a whole first: what boxes around all shapes show to be free (`separation`) is not put to the
+engine. It counts as looked at all the same, so that searches end alike.
+
 The oracle's world has no gravity and a time step of a microsecond. Setting a configuration and stepping once yields the
 physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried, cargo
 included, stays dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is
@@ -16,12 +19,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.assets.asset_geometry import joint_transform
 from executor.assets.model import Joint
 from executor.geometry import Array, inverse
-from executor.planning.cargo import Carried, riders
+from executor.planning.cargo import HELD, Carried, riders
 from executor.planning.paths import spread_out
+from executor.planning.separation import Boxes, Separation, Wanted
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import Kinematics
@@ -48,8 +53,6 @@ _NEARER_M = 0.0005  # Contacts at the start may come no nearer than by this.
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
 
-HELD = "held object"
-
 Allowed = frozenset[tuple[str, str]]
 """Pairs of a mover and an object's id, or "id/link" for one link of it, that may touch."""
 
@@ -64,13 +67,18 @@ class _Ride:
         joint: The link's joint.
         T_world_parent: (4, 4) where the joint's other link is.
         items: Ids, with poses (4, 4) in the link's frame.
-        shown: The joint's position at which the items were put last; NaN where they are to be put anew.
+        shown: The joint's position at which the items were put last; NaN where they are to be put again.
     """
 
     joint: Joint
     T_world_parent: Array
     items: tuple[tuple[str, Array], ...]
     shown: float = math.nan
+
+    def poses(self, position: float) -> Iterator[tuple[str, Array]]:
+        """Yield where the items (4, 4) are with the joint at a position."""
+        T_world_link = self.T_world_parent @ joint_transform(self.joint, position)
+        return ((item, T_world_link @ T_link_item) for item, T_link_item in self.items)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +114,7 @@ class CollisionOracle:
         self.robot = world.model
         self.kinematics = Kinematics(world.robot, self.robot)
         self._base_links, self._arm_links = base_links(self.robot), frozenset(self.robot.arm_links)
+        self._gripper, self._fingers = frozenset(self.robot.gripper_links), frozenset(self.robot.finger_links)
         self.carried: Carried | None = None
         self.base_clearance_m = BASE_CLEARANCE_M
         self.arm_clearance_m = ARM_CLEARANCE_M
@@ -119,6 +128,8 @@ class CollisionOracle:
         self._joints_shown = False
         self._loose: tuple[str, ...] = ()
         self._near_at_start: dict[tuple[str, str], float] = {}
+        self._separation = Separation(world)
+        self._boxes: Boxes | None = None
         for object_id in world.dynamic_ids:
             world.hold(object_id, still=True)
 
@@ -130,7 +141,7 @@ class CollisionOracle:
             for i in world.articulated_ids
             for joint in world.assets[i].joints
         }
-        self._shown, self._joints_shown = {}, False
+        self._shown, self._joints_shown, self._boxes = {}, False, None
         self._stale = dict.fromkeys(self._resting)
         # Stored results of the paper's robot were found with such items where they were.
         self._rides = {} if self.robot.keeps_order else dict(self._found_rides(world))
@@ -150,7 +161,7 @@ class CollisionOracle:
 
     def set_joint(self, joint: JointTarget, position: float) -> None:
         """Set an object's joint in the oracle's world, to plan for later."""
-        self._joints[joint], self._joints_shown = position, False
+        self._joints[joint], self._joints_shown, self._boxes = position, False, None
 
     @contextmanager
     def released_at(self, q: Array) -> Iterator[None]:
@@ -160,11 +171,11 @@ class CollisionOracle:
             raise ValueError("nothing is carried that could be released")
         T_world_eef = self.kinematics.forward(q)
         self._resting = before | {i: T_world_eef @ T_eef_object for i, T_eef_object in carried.poses}
-        self.carried = None
+        self.carried, self._boxes = None, None
         try:
             yield
         finally:
-            self._resting, self.carried = before, carried
+            self._resting, self.carried, self._boxes = before, carried, None
 
     @contextmanager
     def without_clearance(self) -> Iterator[None]:
@@ -216,9 +227,7 @@ class CollisionOracle:
                 all the same).
             joints: Positions of objects' joints that differ from the synchronised ones (a door in motion).
         """
-        effort = self.kinematics.effort
-        effort.queries += 1
-        effort.add(QUERY_S)
+        self._counted()
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
         moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
@@ -242,7 +251,7 @@ class CollisionOracle:
         for mover, other in found:
             # An arm that folds onto itself is in nobody's way but its own.
             if not other.startswith(f"{ROBOT}/"):
-                effort.met[f"{mover} and {other}"] += 1
+                self.kinematics.effort.met[f"{mover} and {other}"] += 1
         return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
 
     def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
@@ -254,9 +263,31 @@ class CollisionOracle:
         found = self.hits(q, opening_m=opening_m, margin_m=within_m, allowed=allowed)
         return min((hit.separation_m for hit in found), default=within_m)
 
+    def surely_free(
+        self, path: Array, *, opening_m: float | None = None, margin_m: float = 0.0, allowed: Allowed = NOTHING
+    ) -> NDArray[np.bool_]:
+        """Return (N,) which configurations of a path (N, Q) boxes show to be free; the engine may find others free.
+
+        Args:
+            path: (N, Q) configurations.
+            opening_m, margin_m, allowed: As for `hits`.
+        """
+        if not len(path):
+            return np.zeros(0, dtype=bool)
+        if self._boxes is None:
+            ridden = (pose for key, ride in self._rides.items() for pose in ride.poses(self._joints[key]))
+            self._boxes = self._separation.boxes(self._resting | dict(ridden), self._joints)
+        opening = self.opening_m if opening_m is None else opening_m
+        wanted = Wanted(lambda mover: self._clearance_m(mover, margin_m), SELF_CLEARANCE_M, self.carried, allowed)
+        return self._separation.surely_free(path, opening, self._boxes, wanted)
+
     def is_path_free(self, path: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
         """Return whether all configurations (N, Q) are free; distant ones come first, which finds walls sooner."""
-        return all(self.is_free(path[k], margin_m=margin_m, allowed=allowed) for k in spread_out(len(path)))
+        surely = self.surely_free(path, margin_m=margin_m, allowed=allowed)
+        return all(
+            self._counted() if surely[k] else self.is_free(path[k], margin_m=margin_m, allowed=allowed)
+            for k in spread_out(len(path))
+        )
 
     def first_hit(
         self,
@@ -268,8 +299,15 @@ class CollisionOracle:
         joints: Iterable[Mapping[JointTarget, float]] | None = None,
     ) -> Hit | None:
         """Return the first hit along a path of configurations (Q,), or None when all are free."""
+        path = np.array(list(path))
+        surely = np.zeros(len(path), dtype=bool)
+        if joints is None:
+            surely = self.surely_free(path, opening_m=opening_m, margin_m=margin_m, allowed=allowed)
         moved = iter(joints) if joints is not None else None
-        for q in path:
+        for q, free in zip(path, surely, strict=True):
+            if free:
+                self._counted()
+                continue
             hits = self.hits(
                 q,
                 opening_m=opening_m,
@@ -280,6 +318,13 @@ class CollisionOracle:
             if hits:
                 return min(hits, key=lambda hit: hit.separation_m)
         return None
+
+    def _counted(self) -> bool:
+        """Count a configuration that is looked at; return True."""
+        effort = self.kinematics.effort
+        effort.queries += 1
+        effort.add(QUERY_S)
+        return True
 
     def _place(self, q: Array, opening_m: float, joints: Mapping[JointTarget, float]) -> None:
         robot = self.world.robot
@@ -310,10 +355,9 @@ class CollisionOracle:
             if ride.shown == position:
                 continue
             ride.shown = position
-            T_world_link = ride.T_world_parent @ joint_transform(ride.joint, position)
-            for object_id, T_link_item in ride.items:
+            for object_id, T_world_item in ride.poses(position):
                 if object_id not in carried:
-                    self.world.set_object_pose(object_id, T_world_link @ T_link_item)
+                    self.world.set_object_pose(object_id, T_world_item)
         if self.carried is not None:
             T_world_eef = self.kinematics.forward(q)
             for object_id, T_eef_object in self.carried.poses:
@@ -324,9 +368,9 @@ class CollisionOracle:
         """Return a body's name as a mover, or None where its nearness to the other does not count."""
         if near.owner == ROBOT:
             stands = far.owner == GROUND and near.link in self._base_links
-            if stands or (far.owner in carried and near.link in self.robot.gripper_links):
+            if stands or (far.owner in carried and near.link in self._gripper):
                 return None
-            fingers = self.robot.finger_links
+            fingers = self._fingers
             return None if near.link in fingers and far.link in fingers and far.owner == ROBOT else near.link
         if near.owner in carried:
             return None if far.owner == ROBOT or far.owner in carried else HELD
@@ -336,12 +380,16 @@ class CollisionOracle:
     def _wanted_m(self, mover: str, far: BodyRef, margin_m: float) -> float:
         if far.owner == ROBOT:
             return SELF_CLEARANCE_M
+        wanted_m = self._clearance_m(mover, margin_m)
+        return wanted_m if mover in self._base_links or "/" in mover else wanted_m - min(self.slack_m, wanted_m / 2)
+
+    def _clearance_m(self, mover: str, margin_m: float) -> float:
+        """Return what a mover has to keep from everything but the robot, without slack."""
         if mover in self._base_links:
             return max(margin_m, self.base_clearance_m)
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)
-        wanted_m = max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
-        return wanted_m - min(self.slack_m, wanted_m / 2)
+        return max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
 
 
 def fingers_may_touch(robot: Robot, other: str, *, hand: bool = False) -> Allowed:

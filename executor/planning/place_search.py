@@ -12,13 +12,14 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
-from executor.planning.cargo import Carried
-from executor.planning.collision import HELD, Hit, fingers_may_touch
+from executor.planning.cargo import HELD, Carried
+from executor.planning.collision import Hit, fingers_may_touch
 from executor.planning.drives import leads_away
 from executor.planning.paths import FINE_ARM_STEP_RAD, polyline
 from executor.planning.placements import UPWARD, placement_goals
@@ -155,7 +156,12 @@ class HeadingStatistics:
 
 
 def _side(goal: HandGoal) -> tuple[str, float]:
-    return goal.region, float(np.round(np.mod(goal.heading_rad, 2 * np.pi), 2))
+    return goal.region, _rounded(goal.heading_rad)
+
+
+@cache  # Asked for hundreds of thousands of candidates, of a few dozen headings.
+def _rounded(heading_rad: float) -> float:
+    return float(np.round(np.mod(heading_rad, 2 * np.pi), 2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,15 @@ import heapq
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
-from executor.planning.collision import HELD, NOTHING, Allowed, Hit
+from executor.planning.cargo import HELD
+from executor.planning.collision import NOTHING, Allowed, Hit
 from executor.planning.planner import Planner
 from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import ArmSolution, Kinematics
@@ -95,8 +96,7 @@ class HandGoal:
         return list(dict.fromkeys(round(height_m, 3) for height_m in heights))
 
 
-@dataclass(frozen=True, slots=True)
-class BaseCandidate:
+class BaseCandidate(NamedTuple):
     """A candidate base pose for a hand goal, with its cost."""
 
     goal: HandGoal

@@ -6,6 +6,7 @@ does not know it: grasps, forces and speeds are chosen as ever, and the experime
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -95,6 +96,45 @@ def pose_matrix(pose: Any) -> Array:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeBox:
+    """The box around a collision shape.
+
+    Attributes:
+        T_body_box: (4, 4) its pose in the body's frame.
+        half_m: (3,) half its sides.
+        points_m: (V, 3) points in its frame whose hull contains the shape.
+    """
+
+    T_body_box: Array
+    half_m: Array
+    points_m: Array
+
+
+def shape_box(shape: Any) -> ShapeBox:
+    """Return the box around a collision shape."""
+    physx = load_sapien().physx
+    T = pose_matrix(shape.local_pose)
+    if isinstance(shape, physx.PhysxCollisionShapeConvexMesh):
+        points = np.asarray(shape.vertices, dtype=float) * np.asarray(shape.scale, dtype=float)
+        low, high = points.min(axis=0), points.max(axis=0)
+        T[:3, 3] += T[:3, :3] @ (low + high) / 2
+        return ShapeBox(T, (high - low) / 2, points - (low + high) / 2)
+    if isinstance(shape, physx.PhysxCollisionShapeBox):
+        half = np.asarray(shape.half_size, dtype=float)
+    elif isinstance(shape, physx.PhysxCollisionShapeSphere):
+        half = np.full(3, float(shape.radius))
+    else:
+        half = np.array([shape.half_length, shape.radius, shape.radius], dtype=float)
+    return ShapeBox(T, half, half * np.array(list(itertools.product((-1.0, 1.0), repeat=3))))
+
+
+def collide(one: Any, other: Any) -> bool:
+    """Return whether any shapes of two bodies share no bit of the ignore group, so that they can collide."""
+    bits = ([shape.get_collision_groups()[2] for shape in body.collision_shapes] for body in (one, other))
+    return any(not a & b for a, b in itertools.product(*bits))
+
+
 @dataclass(frozen=True, slots=True, order=True)
 class BodyRef:
     """One rigid body.
@@ -138,10 +178,7 @@ def pairs_nearer(
         first, second = contact.bodies
         a, b = owner_of[first], owner_of[second]
         if a.owner in owners or b.owner in owners:
-            gap_m = math.inf
-            for point in contact.points:  # Written out for speed: every query of a plan comes here.
-                if (separation_m := point.separation) < gap_m:
-                    gap_m = separation_m
+            gap_m = min([point.separation for point in contact.points], default=math.inf)
             if gap_m < within_m:
                 yield (a, b, gap_m) if _comes_first(a, b) else (b, a, gap_m)
 

@@ -7,6 +7,7 @@ visuals. So a state that one world packs unpacks in the other, and equal command
 from __future__ import annotations
 
 import atexit
+import itertools
 import weakref
 from collections.abc import Callable, Container, Iterable, Iterator
 from functools import partial
@@ -30,11 +31,14 @@ from executor.sim.engine import (
     BodyRef,
     Contact,
     Physics,
+    ShapeBox,
     add_ground,
+    collide,
     contacts_of,
     empty_scene,
     pairs_nearer,
     pose_matrix,
+    shape_box,
 )
 from executor.sim.latches import latches_of
 from executor.sim.robot.description import BASE_LINK, load_robot
@@ -252,6 +256,17 @@ class World:
             within_m: The distance; the engine sees no farther than twice its contact offset.
         """
         return pairs_nearer(self._system.get_contacts(), self._owner_of, owners, within_m)
+
+    def collision_boxes(self) -> list[tuple[BodyRef, ShapeBox]]:
+        """Return each collision shape's body and box, but for the floor."""
+        bodies = ((ref, body) for body, ref in self._owner_of.items() if ref.owner != GROUND)
+        return [(ref, shape_box(shape)) for ref, body in bodies for shape in body.collision_shapes]
+
+    def self_collisions(self) -> frozenset[frozenset[str]]:
+        """Return the pairs of the robot's links that the engine lets collide."""
+        links = [link for link in self.robot.links if link.collision_shapes]
+        pairs = ((a, b) for a, b in itertools.combinations(links, 2) if a not in (b.parent, b) and b != a.parent)
+        return frozenset(frozenset((a.name, b.name)) for a, b in pairs if collide(a, b))
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Return the pairs of bodies that have contact points after the last step, in a fixed order.

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from executor.geometry import Array, inverse, wrap_angle
-from executor.planning.cargo import Carried, cargo_of, riders
-from executor.planning.collision import HELD, NOTHING, Allowed, is_allowed
+from executor.planning.cargo import HELD, Carried, cargo_of, riders
+from executor.planning.collision import NOTHING, Allowed, is_allowed
 from executor.records import DriveCommand, Failure, FailureKind
 from executor.sim.detectors import fingers_touching, touching_bodies
 from executor.sim.engine import GROUND, ROBOT

@@ -14,8 +14,8 @@ from bddl import Atom, atoms
 from executor.assets.model import Handle
 from executor.geometry import Array, inverse, rotation_z
 from executor.planning.articulation import handle_contacts
-from executor.planning.cargo import cargo_of, touching_any
-from executor.planning.collision import HELD, Allowed, fingers_may_touch, held_may_touch
+from executor.planning.cargo import HELD, cargo_of, touching_any
+from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.drives import drive_to
 from executor.planning.openings import gripped_handle
 from executor.planning.picks import in_the_way

@@ -17,8 +17,8 @@ import numpy as np
 
 from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform, wrap_angle
-from executor.planning.cargo import cargo_of, carried_by, touching_any
-from executor.planning.collision import HELD, Allowed, fingers_may_touch, held_may_touch
+from executor.planning.cargo import HELD, cargo_of, carried_by, touching_any
+from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.stances import HandGoal, Stance, search_stances
 from executor.planning.whereabouts import is_at_side
 from executor.records import Failure, FailureKind

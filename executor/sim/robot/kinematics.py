@@ -249,24 +249,24 @@ class ArmChain:
     """
 
     def __init__(self, urdf: Path, base: str, tip: str) -> None:
-        joints = {_name(joint, "child"): joint for joint in ET.parse(urdf).getroot().findall("joint")}
+        joints = {end_of(joint, "child"): joint for joint in ET.parse(urdf).getroot().findall("joint")}
         path: list[ET.Element] = []
         link = tip
         while link != base:
             if link not in joints:
                 raise ValueError(f"{urdf.name} has no joints from {base} to {tip}: nothing leads to {link}")
             path.append(joints[link])
-            link = _name(joints[link], "parent")
+            link = end_of(joints[link], "parent")
         fixed = np.eye(4)
         steps: list[tuple[Array, Array, Array]] = []
         axes: list[tuple[float, ...]] = []
         for joint in reversed(path):
-            fixed = fixed @ _origin(joint)
+            fixed = fixed @ origin_of(joint)
             if joint.get("type") == "fixed":
                 continue
             if joint.get("type") not in ("revolute", "continuous"):
                 raise ValueError(f"joint {joint.get('name')} is {joint.get('type')}, not one that turns")
-            x, y, z = axis = _numbers(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
+            x, y, z = axis = numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
             K = np.zeros((4, 4))
             K[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
             # A turn by q after the fixed part is F + sin(q) F K + (1 - cos(q)) F K^2.
@@ -307,17 +307,17 @@ class ArmChain:
         return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z], axis=1)
 
 
-def _name(joint: ET.Element, tag: str) -> str:
+def end_of(joint: ET.Element, tag: str) -> str:
     element = joint.find(tag)
     return "" if element is None else element.get("link", "")
 
 
-def _origin(joint: ET.Element) -> Array:
+def origin_of(joint: ET.Element) -> Array:
     origin = joint.find("origin")
-    turn = Rotation.from_euler("xyz", _numbers(origin, "rpy", (0.0, 0.0, 0.0))).as_matrix()
-    return transform(turn, _numbers(origin, "xyz", (0.0, 0.0, 0.0)))
+    turn = Rotation.from_euler("xyz", numbers_of(origin, "rpy", (0.0, 0.0, 0.0))).as_matrix()
+    return transform(turn, numbers_of(origin, "xyz", (0.0, 0.0, 0.0)))
 
 
-def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+def numbers_of(element: ET.Element | None, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
     text = None if element is None else element.get(key)
     return default if text is None else tuple(float(value) for value in text.split())
