@@ -80,6 +80,7 @@ class Grounding:
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
         fits: Callable[[str], bool] | None = None,
+        able: Callable[[str], bool] | None = None,
     ) -> Grounded:
         """Return the one object that a phrase names.
 
@@ -89,11 +90,13 @@ class Grounding:
             avoided: What "a glass" should rather not name, and where it should rather not stand already.
             taken: What "a glass" cannot name, since an earlier "a glass" did.
             fits: What is asked for can be done with an object; of several that are called so, the only one is meant.
+            able: It can be done with an object at all, whatever its state: of things with and without drawers that are
+                called "the desk", those with drawers are opened, even if others are called so rather.
         """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         phrase = self._of_one_name(phrase)
-        named = self._bearers(phrase)
+        named = self._able(self._bearers(phrase), able)
         if named.plural and not phrase.whichever:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         ids, notes = self._narrowed(named, phrase, source)
@@ -119,12 +122,13 @@ class Grounding:
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
         fits: Callable[[str], bool] | None = None,
+        able: Callable[[str], bool] | None = None,
     ) -> tuple[Grounded, ...]:
         """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
-        named = self._bearers(phrase)
+        named = self._able(self._bearers(phrase), able)
         if not phrase.several and (not named.plural or phrase.whichever):
-            return (self.one(phrase, source, avoided, taken, fits),)
+            return (self.one(phrase, source, avoided, taken, fits, able),)
         ids, notes = self._narrowed(named, phrase, source)
         wanted = phrase.count
         if phrase.whichever:
@@ -139,6 +143,13 @@ class Grounding:
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    @staticmethod
+    def _able(named: Named, able: Callable[[str], bool] | None) -> Named:
+        """Return those that a name fits less well where they are able to what is asked for, and the others are not."""
+        if able is None or any(map(able, named.ids)) or not any(map(able, named.passed_over)):
+            return named
+        return replace(named, ids=tuple(filter(able, named.passed_over)), passed_over=())
 
     def other(self, phrase: NounPhrase, spoken: Collection[str], hosts: Collection[str] = ()) -> NounPhrase:
         """Return the phrase of the only object that is not known yet for "the other mug"; other phrases unchanged.
@@ -469,7 +480,7 @@ class Grounding:
             return fitting, notes
         # "The apple in the desk", of two desks without drawers and a desk with drawers, is in the latter.
         less = named.passed_over if supports == named.ids else ()
-        if (fitting := self._at_one_of(ids, less, place)) and len(ids) == 1:
+        if len(fitting := self._at_one_of(ids, less, place)) == 1:
             holder = next(step.object_id for step in self.around.chain(fitting[0]) if step.object_id in less)
             return fitting, (*notes, f'"{named.name}" fits {alternatives(supports)} better, but {holder} has it')
         raise Refusal(

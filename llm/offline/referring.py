@@ -116,7 +116,13 @@ class Referring(Placing):
         if is_door and not phrase.several:
             can, shut = self.grounding.around.affordances, command.kind == "open"
             is_open = self.grounding.around.is_open
-            return self.grounding.every(phrase, None, (), taken, lambda key: can[key].door and is_open(key) is not shut)
+
+            def opens(key: str) -> bool:
+                return can[key].door
+
+            return self.grounding.every(
+                phrase, None, (), taken, lambda key: opens(key) and is_open(key) is not shut, opens
+            )
         if phrase.load and command.kind == "place" and self.grounding.nowhere(phrase):
             # "Put the bowl with the apple in it on the table": what it shall hold.
             phrase = replace(phrase, load=())
@@ -199,7 +205,8 @@ class Referring(Placing):
                 grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts), taken=taken)
                 if self._is_item(grounded.object_id):
                     return replace(grounded, moves=True)
-            return self.grounding.one(phrase, None, (*targets, *hosts), taken, self._takes(place))
+            takes = self._takes(place)
+            return self.grounding.one(phrase, None, (*targets, *hosts), taken, takes, takes)
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:
