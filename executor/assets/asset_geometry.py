@@ -48,6 +48,16 @@ def rolls_freely(asset: Asset) -> bool:
     return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
 
 
+EQUAL_SIDES = 0.95
+"""A box whose shortest side is at least this share of its longest one is a cube: it stands on any of its faces."""
+
+
+def is_cube(asset: Asset) -> bool:
+    """Return whether an object's only colliding shape is a cube."""
+    solid = [shape for link in asset.links for shape in link.shapes if shape.collides]
+    return len(solid) == 1 and solid[0].kind == "box" and min(solid[0].size_m) >= EQUAL_SIDES * max(solid[0].size_m)
+
+
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     """Return the width along y of an asset's colliding shapes in a plane across z, joints shut; 0 beside the asset.
 

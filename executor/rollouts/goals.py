@@ -15,7 +15,7 @@ import numpy as np
 
 import bddl
 from bddl import Atom, Formula, Not, conjuncts, evaluate, format
-from executor.assets.asset_geometry import bounds, rolls_freely
+from executor.assets.asset_geometry import bounds, is_cube, rolls_freely
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, rotation_z, transform_from_quaternion
 from executor.records import Failure, FailureKind, StepRecord, SubtaskRecord
@@ -81,12 +81,13 @@ def put_down(atom: Atom, world: World) -> Handled:
 def tilt_deg(world: World, item: str) -> float:
     """Return the tilt [deg] of an item from its initial orientation, or from upright where that is less.
 
-    For an item that is round about its own z axis, rotation about that axis does not count.
+    For an item that is round about its own z axis, rotation about that axis does not count. A cube is upright on each
+    of its faces.
     """
     thing = world.scene.objects[item]
     before = transform_from_quaternion(thing.position, thing.orientation)[2, :3]
     now = world.T_world_link(item)[2, :3]
-    off_upright = _angle_deg(now[2])
+    off_upright = _angle_deg(float(np.abs(now).max()) if is_cube(world.assets[item]) else now[2])
     if world.assets[item].symmetric_about_z:
         return min(abs(off_upright - _angle_deg(before[2])), off_upright)
     return min(_angle_deg(float(before @ now)), off_upright)

@@ -53,7 +53,8 @@ class Referring(Placing):
         try:
             return self._targets(command, source, (place.object_id,)), place
         except Refusal as refusal:
-            if refusal.leaves_choice:
+            is_spot = command.destination.direction in SPOTS and self._hosts(place.object_id)
+            if refusal.leaves_choice and not is_spot:
                 self._check_direction(command.destination, list(map(str, command.objects)), place)
             raise
 

@@ -10,6 +10,7 @@ import pytest
 
 import bddl
 from bddl import Atom
+from executor.assets.library import sample
 from executor.geometry import Array, rotation_z
 from executor.planning.picks import HIGH_LIFTS_M
 from executor.rollouts.goals import PICKED_UP_M, STANDS_DEG, as_failure, judge, picked_up, put_down, tilt_deg
@@ -60,6 +61,20 @@ def test_a_tilt_is_told_from_how_a_thing_stood(degrees: float, stands: bool, mak
     assert tilt_deg(world, "glass_0") == pytest.approx(degrees, abs=1e-3)
     assert put_down(ON_TABLE, world).as_meant is stands
     assert bool(put_down(ON_TABLE, world).measured.reason) is not stands
+
+
+@pytest.mark.parametrize(
+    ("noun", "extent_m", "stands"), [("die", (0.04, 0.04, 0.04), True), ("carton", (0.04, 0.06, 0.08), False)]
+)
+def test_a_cube_stands_on_each_of_its_faces(noun: str, extent_m: tuple[float, float, float], stands: bool) -> None:
+    thing, scene = replace(sample(noun, 0, "thing_0"), bbox_extent=extent_m), scene_at_paper_size("kitchen_t1")
+    on_table = Atom("ontop", ("thing_0", "table_0"))
+    with World(replace(scene, objects={**scene.objects, "thing_0": thing})) as world:
+        for R in (tilted(90.0), rotation_z(0.4) @ tilted(90.0) @ rotation_z(math.pi / 2)):
+            world.set_object_pose("thing_0", at(0.0, 0.0, 2.0, R))
+            assert put_down(on_table, world).as_meant is stands
+        world.set_object_pose("thing_0", at(0.0, 0.0, 2.0, tilted(40.0)))
+        assert not put_down(on_table, world).as_meant, "nothing stands on an edge"
 
 
 def test_what_lay_may_lie_or_be_set_upright_and_stands_on_no_other_side() -> None:
