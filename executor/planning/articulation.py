@@ -486,7 +486,12 @@ def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float], 
     with joints_at(planner, joints):
         if planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M):
             return False
-        return planner.oracle.is_path_free(path, allowed=panel) and can_withdraw(planner, path[-1])
+        # Of the paper's robot the step is not gone through: its stored results were found without.
+        if not planner.robot.keeps_order:
+            with planner.oracle.leaving(q, opening_m=0.0, allowed=panel):
+                if planner.oracle.first_hit(path, opening_m=0.0, allowed=panel):
+                    return False
+        return can_withdraw(planner, path[-1])
 
 
 def step_back(planner: Planner, q: Array) -> Array | None:

@@ -289,7 +289,7 @@ def reachable_end(
         rows, taken = _rows_to(work, fraction, trajectory), trajectory
         if rows > free:
             continue
-        if push is not None and fraction != fractions[0]:
+        if push is not None and fraction != fractions[0] and not planner.robot.keeps_order:
             # A hand presses more and more until its end, so that a shorter push is no part of a longer one.
             tracked = _tracked(work, q, share, work.joint.position(fraction), push, 1)
             taken, rows = tracked.trajectory, len(tracked.trajectory.path)

@@ -14,9 +14,9 @@ lies there. Intended contacts of a motion are pairs of a mover and what it may t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,10 @@ class _Ride:
     T_world_parent: Array
     items: tuple[tuple[str, Array], ...]
     shown: float = math.nan
+
+    def without(self, ids: Collection[str]) -> _Ride:
+        """Return the same without some of the items."""
+        return replace(self, items=tuple(item for item in self.items if item[0] not in ids))
 
     def poses(self, position: float) -> Iterator[tuple[str, Array]]:
         """Yield where the items (4, 4) are with the joint at a position."""
@@ -165,17 +169,28 @@ class CollisionOracle:
 
     @contextmanager
     def released_at(self, q: Array) -> Iterator[None]:
-        """Let what is carried rest where the hand has it in a configuration (Q,), for the duration of the block."""
-        carried, before = self.carried, self._resting
+        """Let what is carried rest where an open hand has it in a configuration (Q,), for the duration of the block."""
+        carried, before = self.carried, (self._resting, self._rides, self.opening_m)
         if carried is None:
             raise ValueError("nothing is carried that could be released")
         T_world_eef = self.kinematics.forward(q)
-        self._resting = before | {i: T_world_eef @ T_eef_object for i, T_eef_object in carried.poses}
-        self.carried, self._boxes = None, None
+        self._resting = self._resting | {i: T_world_eef @ T_eef_object for i, T_eef_object in carried.poses}
+        # In a drawer what is held counts among what lies there.
+        self._rides = {key: ride.without(carried.ids) for key, ride in self._rides.items()}
+        self.opening_m = self.kinematics.finger_upper_m
+        self._carry(None)
+        self._stale.update(dict.fromkeys(carried.ids))
         try:
             yield
         finally:
-            self._resting, self.carried, self._boxes = before, carried, None
+            self._resting, self._rides, self.opening_m = before
+            self._carry(carried)
+            self._stale.update(dict.fromkeys(carried.ids))
+
+    def _carry(self, carried: Carried | None) -> None:
+        self.carried, self._boxes = carried, None
+        for ride in self._rides.values():
+            ride.shown = math.nan
 
     @contextmanager
     def without_clearance(self) -> Iterator[None]:

@@ -113,6 +113,7 @@ class Planner:
         """Synchronise with the world and restarts all randomness for a subtask."""
         self.oracle.synchronize(world)
         self.chosen, self._drives, self.gave_up = [], [], False
+        self._lines.clear()
         self._index = index
         self.reseed(seed)
 

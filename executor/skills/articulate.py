@@ -100,9 +100,11 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, J
     session = replace(session, plan=session.plan.without_swing())
     if path is not None:
         pushing = swing is not None and swing.motion == "push"
-        monitor = session.monitor(
-            handle_contacts(session.planner.robot, target, handle), gripped=None if pushing else target
-        )
+        robot = session.planner.robot
+        # Stored results of the paper's robot ended where one finger came off.
+        bar_m = None if robot.keeps_order else handle.thickness_m
+        gripped = None if pushing else target
+        monitor = session.monitor(handle_contacts(robot, target, handle), gripped=gripped, bar_m=bar_m)
         carries = (target, joint.name, joint.position(end))
         failure = session.control.follow(path, speed=SPEED, monitor=monitor, carries=carries)
         session.control.settle(SETTLE_S)

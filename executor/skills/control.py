@@ -31,7 +31,7 @@ CONTACT_FORCE_N = 8.0
 
 SLIP_M = 0.02  # A sound grip creeps by less.
 LOST_CHECKS = 4  # In a row: contacts tremble.
-CLOSED_M = 0.002  # A handle that is still between the fingers lets them close by less.
+BAR_SHARE = 0.75  # Of a handle's thickness: fingers that are less far apart have lost it.
 DISPLACED_M = 0.05  # More than what a light touch moves.
 NOTICED_M = 0.002  # Things settle by less.
 TIPPED_DEG = 37.0  # From here on most things fall.
@@ -49,6 +49,7 @@ class Monitor:
         kinematics: For the hand's pose.
         carried: What the gripper holds, with its cargo, and where in the hand it was at the start; or None.
         gripped: Id of the object that must stay between the fingers, such as a door; None when nothing must.
+        bar_m: Thickness of the gripped handle, which may hang on one finger; None where both have to press.
         allowed: Intended contacts.
     """
 
@@ -56,13 +57,12 @@ class Monitor:
     kinematics: Kinematics
     carried: Carried | None = None
     gripped: str | None = None
+    bar_m: float | None = None
     allowed: Allowed = NOTHING
     _lost: int = field(default=0)
-    _opening_m: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._standing = base_links(self.world.model)
-        self._opening_m = self._opening()
 
     def check(self) -> Failure | None:
         """Return why the motion has to stop now, or None."""
@@ -116,16 +116,13 @@ class Monitor:
 
         A handle that is pulled along the way the fingers close hangs on one of them: they are coupled as those of the
         real hand are, so that beyond its grip force the other presses on nothing (a refrigerator that is opened from
-        its side resists with 40 N). While the fingers are as far apart as they were, the handle is between them.
+        its side resists with 40 N). While the fingers are as far apart as the handle is thick, it is between them.
         """
         touching = fingers_touching(self.world, owner)
-        if touching == len(self.world.model.finger_links):
-            return True
-        return self.carried is None and touching > 0 and self._opening() > self._opening_m - CLOSED_M
-
-    def _opening(self) -> float:
-        """Return how far each finger is from shut [m], on average."""
-        return float(np.asarray(self.world.robot.get_qpos(), dtype=float)[self.world.model.fingers].mean())
+        if touching == len(self.world.model.finger_links) or self.bar_m is None:
+            return touching == len(self.world.model.finger_links)
+        opening_m = float(np.asarray(self.world.robot.get_qpos(), dtype=float)[self.world.model.fingers].sum())
+        return touching > 0 and opening_m > BAR_SHARE * self.bar_m
 
     def offset_in_hand(self, carried: Carried) -> Array:
         """Return (3,): how far the carried object has moved in the hand's frame."""

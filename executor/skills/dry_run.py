@@ -153,9 +153,16 @@ class DryWorld(World):
     def carry(self, object_id: str, joint: str, position: float) -> Failure | None:
         """Move a joint, or leave it and return why: what its link carries would end within something."""
         before = self.state
+        riding = set(riders(self, object_id, self.assets[object_id].joint(joint).child))
+        self._look()
+        met_before = {frozenset(pair[:2]) for pair in self.near(riding, -OVERLAP_M)}
         carried = self.move_joint(object_id, joint, position)
         self._look()
-        met = [pair for pair in self.near(set(carried), -OVERLAP_M) if ROBOT not in (pair[0].owner, pair[1].owner)]
+        met = [
+            pair
+            for pair in self.near(set(carried), -OVERLAP_M)
+            if ROBOT not in (pair[0].owner, pair[1].owner) and frozenset(pair[:2]) not in met_before
+        ]
         if not met:
             return None
         self.restore(before)

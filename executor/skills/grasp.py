@@ -39,6 +39,7 @@ A medicine bottle that falls by 4 mm lands with the edge of its cap on a finger,
 """
 
 SET_DOWN_SPEED = 0.2  # It touches what is below.
+OPEN_ENOUGH_M = 0.001  # Fingers settle by less.
 OPENED_CLEARANCE_M = 0.002  # Of the fingers as they open.
 CONVERGE_SPEED = 0.5  # Half, since the fingers are next to the thing.
 AT_PRE_GRASP_RAD = 0.02  # Of any joint; metres of the base.
@@ -226,8 +227,11 @@ def approach(session: Session, action: Action) -> StepResult:
     if failure is None:
         # The journey may have counted the base's yaw in another turn than the stance did.
         plan = replace(plan, stance=stance.turned(float(session.q[2] - start[2])))
-        if stance.opening_m is not None:
-            session.control.grip(stance.opening_m)
+        widest_m = session.planner.kinematics.finger_upper_m
+        narrow = not session.planner.robot.keeps_order and session.fingers_m < widest_m - OPEN_ENOUGH_M
+        if stance.opening_m is not None or narrow:
+            # An approach before this one may have ended with narrowed fingers.
+            session.control.grip(widest_m if stance.opening_m is None else stance.opening_m)
     return replace(session, plan=plan).done(action, _hand(session), failure=failure)
 
 

@@ -392,7 +392,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     later = [action.primitive for action in session.flow[session.step :]]
     leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
     # What a search is narrowed to was found with a way out, or after the patience for one.
-    leaves = leaves and session.subtask.support_init in world.articulated_ids and not narrowed
+    leaves = leaves and pulled_rad(session) is not None and not narrowed
     way_out = WayOut(session)
     for leads_out in (way_out.leads_out, None) if leaves else (None,):
         if leads_out is None and leaves and not way_out.stuck:

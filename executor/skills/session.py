@@ -198,7 +198,7 @@ class Session:
         """Synchronise the planner with the world, the place of the held object and its cargo in the hand included."""
         self.planner.oracle.synchronize(self.believed)
         qpos = np.asarray(self.world.robot.get_qpos(), dtype=float)
-        self.planner.oracle.opening_m = float(qpos[self.planner.robot.fingers].mean())
+        self.planner.oracle.opening_m = self.fingers_m
         self.planner.oracle.carried = None
         held = self.hand.held
         if held is not None:
@@ -206,11 +206,15 @@ class Session:
             upward = None if self.hand.upward is None else np.array(self.hand.upward)
             self.planner.oracle.carried = carried_by(self.believed, held, T_world_eef, self.hand.cargo, upward)
 
-    def monitor(self, allowed: Allowed = NOTHING, *, gripped: str | None = None) -> Monitor:
+    @property
+    def fingers_m(self) -> float:
+        """How far each finger is open [m], on average."""
+        return float(np.asarray(self.world.robot.get_qpos(), dtype=float)[self.planner.robot.fingers].mean())
+
+    def monitor(self, allowed: Allowed = NOTHING, *, gripped: str | None = None, bar_m: float | None = None) -> Monitor:
         """Return a monitor for a motion that starts now."""
-        return Monitor(
-            self.world, self.planner.kinematics, carried=self.planner.oracle.carried, gripped=gripped, allowed=allowed
-        )
+        carried = self.planner.oracle.carried
+        return Monitor(self.world, self.planner.kinematics, carried, gripped, bar_m, allowed)
 
     def done(self, action: Action, *measurements: Measurement, failure: Failure | None = None) -> StepResult:
         """Return the outcome of a primitive with this session."""

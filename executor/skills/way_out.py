@@ -17,9 +17,8 @@ MOST_STUCK = 5
 class WayOut:
     """A test whether the hand gets straight out with the target from where it was lifted to.
 
-    Out of a drawer one stance may lead over the front, and another one has the forearm within it; out of a compartment
-    one leads between what else stands there. After several that do not, all others count as ones that do: searching has
-    an end.
+    Out of a drawer one stance may lead over the front, and another one has the forearm within it. After several that do
+    not, all others count as ones that do: searching has an end.
     """
 
     def __init__(self, session: Session) -> None:

@@ -80,14 +80,19 @@ class Effort:
             patience_s: The effort [s].
             obstructing: Whether one of a pair that met could be moved aside.
         """
+        if math.isinf(patience_s):
+            yield
+            return
         before = self._since, self.met
+        outer = self._patience_s, self._obstructing
         self._since, self.met = self.queries, Counter()
         self._patience_s, self._obstructing = self.spent_s + patience_s, obstructing
         try:
             yield
         finally:
             since, met = before
-            self._since, self.met, self._patience_s = since, met + self.met, math.inf
+            self._since, self.met = since, met + self.met
+            self._patience_s, self._obstructing = outer
 
     @contextmanager
     def limited(self, most_s: float) -> Iterator[None]:

@@ -144,12 +144,17 @@ class Grounding:
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
-    @staticmethod
-    def _able(named: Named, able: Callable[[str], bool] | None) -> Named:
-        """Return those that a name fits less well where they are able to what is asked for, and the others are not."""
-        if able is None or any(map(able, named.ids)) or not any(map(able, named.passed_over)):
+    def _able(self, named: Named, able: Callable[[str], bool] | None) -> Named:
+        """Return those of a longer name where they are able to what is asked for, and those of the name are not.
+
+        A desk with drawers is a desk, and a carton is no other box.
+        """
+        objects, word = self.around.scene.objects, named.name.split(" ")[-1]
+        longer = tuple(key for key in named.passed_over if word in objects[key].category.split("_"))
+        if able is None or any(map(able, named.ids)) or not (better := tuple(filter(able, longer))):
             return named
-        return replace(named, ids=tuple(filter(able, named.passed_over)), passed_over=())
+        note = f'"{named.name}" is {alternatives(better)} here: {alternatives(named.ids)} does not serve'
+        return replace(named, ids=better, passed_over=(), notes=(*named.notes, note))
 
     def other(self, phrase: NounPhrase, spoken: Collection[str], hosts: Collection[str] = ()) -> NounPhrase:
         """Return the phrase of the only object that is not known yet for "the other mug"; other phrases unchanged.

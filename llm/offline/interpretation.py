@@ -364,6 +364,8 @@ class _IntentBuilder(Referring):
         can = self.grounding.around.affordances[cleared.object_id]
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
+        if command.destination is not None:
+            command = replace(command, destination=self._with_spot(command.destination))
         place = None if command.destination is None else self._destination(command.destination)
         direction = "ON" if cleared.by_surface else direction
         source = Location(direction, NounPhrase((cleared.object_id,)), direction.lower())
@@ -373,6 +375,9 @@ class _IntentBuilder(Referring):
         if command.destination is None or place is None:
             return Mention(self._anywhere(ids, cleared, guess=guess), cleared.object_id, True)
         self.notes += place.notes
+        if (spot := self._spot(command, place)) is not None:
+            host = self._hosts(place.object_id)[0]
+            return Mention(placings(ids, host.relation, host.object_id, spot), cleared.object_id, True)
         relation = self._relation(command.destination, ids, place)
         return Mention(placings(ids, relation, place.object_id), cleared.object_id, True)
 

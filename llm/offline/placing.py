@@ -76,12 +76,16 @@ class Placing(Housekeeping):
             return place
         whole = replace(place.phrase, location=None)
         there = Location("IN" if place.direction in ("IN", "INTO") else "ON", whole, place.preposition)
-        landmark = replace(at.phrase, location=at.phrase.location or there)
         try:
-            known, found = self.grounding.one(whole), self.grounding.one(landmark)
+            if at.phrase.location is None:
+                # Of two tables that is meant on which it stands.
+                landmark = replace(at.phrase, location=there)
+                stands = bool(self._hosts(self.grounding.one(landmark).object_id))
+            else:
+                landmark, known = at.phrase, self.grounding.one(whole).object_id
+                stands = known in {step.object_id for step in self._hosts(self.grounding.one(landmark).object_id)}
         except Refusal:
             return place
-        stands = any(step.object_id == known.object_id for step in self._hosts(found.object_id))
         return replace(at, phrase=landmark) if stands else place
 
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:

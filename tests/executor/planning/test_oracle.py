@@ -94,6 +94,27 @@ def test_what_is_carried_collides_and_may_be_allowed_to(scene_world: tuple[World
     assert not oracle.hits(stance.q, allowed=fingers_may_touch(PAPER_ROBOT, "glass_0"))
 
 
+def test_what_is_released_rests_where_the_hand_has_it_and_is_carried_on_after(
+    scene_world: tuple[World, Planner],
+) -> None:
+    world, planner = scene_world
+    oracle, q = planner.oracle, _at(-0.3, -0.1)
+    T_eef = planner.kinematics.forward(q)
+    start = world.T_world_link("glass_0")
+    oracle.carried = Carried("glass_0", inverse(T_eef) @ T_eef)
+    try:
+        for x in (-0.3, 0.1):
+            there = _at(x, -0.1)
+            with oracle.released_at(there):
+                oracle.hits(q)
+                wanted = planner.kinematics.forward(there)[:3, 3]
+                assert oracle.world.T_world_link("glass_0")[:3, 3] == pytest.approx(wanted, abs=1e-4)
+    finally:
+        oracle.carried = None
+    oracle.hits(q)
+    assert oracle.world.T_world_link("glass_0")[:3, 3] == pytest.approx(start[:3, 3], abs=1e-4)
+
+
 def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, Planner]) -> None:
     world, planner = scene_world
     handle = world.assets["refrigerator_0"].handles[0]
