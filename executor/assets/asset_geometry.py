@@ -48,6 +48,20 @@ def rolls_freely(asset: Asset) -> bool:
     return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
 
 
+def is_tall(asset: Asset) -> bool:
+    """Return whether an item is clearly taller than it is wide."""
+    return asset.extent_m[2] > 1.2 * min(asset.extent_m[0], asset.extent_m[1])
+
+
+def stands_by_nature(asset: Asset) -> bool:
+    """Return whether a thing has one way in which it stands: it is tall, or hollow and open at the top.
+
+    A ball has none, and a die stands on any side.
+    """
+    is_hollow = any(region.kind == "interior" and region.opening[2] > 0.5 for region in asset.regions)
+    return not rolls_freely(asset) and (is_tall(asset) or is_hollow)
+
+
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     """Return the width along y of an asset's colliding shapes in a plane across z, joints shut; 0 beside the asset.
 

@@ -15,7 +15,15 @@ from executor.assets.model import Asset
 from executor.geometry import Array, heading_of
 from executor.planning.cargo import cargo_of, carried_by, touching_any
 from executor.planning.collision import fingers_may_touch, held_may_touch
-from executor.planning.grasps import SIDEWAYS_RAD, deep_goals, item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.grasps import (
+    SIDEWAYS_RAD,
+    deep_goals,
+    item_goals,
+    rim_goals,
+    room_below_m,
+    standing_up_goals,
+    top_goals,
+)
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
@@ -116,6 +124,16 @@ class Pick:
 
         for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
             yield from self._search(goals, validate)
+
+    def standing_up_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yield stances from which an item that lies can be taken and stood up.
+
+        Args:
+            allows_placement: Whether a hand at a pose (4, 4) can also put the item down upright.
+        """
+        goals = standing_up_goals(self._hand, self._asset, self._T_item)
+        fitting = [goal for goal in goals if allows_placement is None or allows_placement(goal.T_world_eef)]
+        yield from self._search(fitting, self._lifting())
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.

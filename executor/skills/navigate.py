@@ -22,7 +22,7 @@ from executor.planning.articulation import ArticulationTask
 from executor.planning.articulation_stances import articulation_stances, explain_failure
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
-from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals, standing_up_goals
 from executor.planning.openings import (
     Purpose,
     first_item_put_inside,
@@ -49,6 +49,7 @@ from executor.planning.whereabouts import handles_of, regions_next_to, regions_o
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
+from executor.skills.upright import sets_upright
 from executor.skills.way_out import WayOut, is_out, pulled_rad
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, SupportDrive, TargetDrive, TooWide, Unplanned
@@ -364,6 +365,9 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
+    if any(one.target == target and sets_upright(one) for one in (session.subtask, *session.later)):
+        yield pick.standing_up_stances(None if narrowed else _standing_up_check(session))
+        return
     fits = fits_between(world.assets[target], session.gripper)
     later = [action.primitive for action in session.flow[session.step :]]
     leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
@@ -396,6 +400,13 @@ def _rim_check(session: Session) -> Callable[[Array], bool] | None:
         return None
     T_item = session.believed.T_world_link(session.subtask.target)
     return _placement_check(session, [*rim_goals(asset, T_item), *rim_goals(asset, T_item, SIDEWAYS_RAD)])
+
+
+def _standing_up_check(session: Session) -> Callable[[Array], bool] | None:
+    """Return a test as of `_placement_check` for hands that stand the target up."""
+    world, target = session.believed, session.subtask.target
+    goals = standing_up_goals(world.model.hand, world.assets[target], world.T_world_link(target))
+    return _placement_check(session, goals)
 
 
 def _placement_check(session: Session, goals: list[HandGoal] | None = None) -> Callable[[Array], bool] | None:
