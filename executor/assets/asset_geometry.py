@@ -49,7 +49,7 @@ def rolls_freely(asset: Asset) -> bool:
 
 
 def is_tall(asset: Asset) -> bool:
-    """Return whether an item is clearly taller than it is wide."""
+    """Return whether an item is clearly taller than it is wide: it is grasped from the side."""
     return asset.extent_m[2] > 1.2 * min(asset.extent_m[0], asset.extent_m[1])
 
 

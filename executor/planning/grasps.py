@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.asset_geometry import bounds, is_tall, rolls_freely, stands_by_nature, width_at
+from executor.assets.asset_geometry import bounds, is_tall, rolls_freely, width_at
 from executor.assets.model import Asset, Handle, Rim, Vector
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.planning.cargo import Carried
@@ -66,16 +66,6 @@ SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
 
 What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
 """
-
-LYING_COSINE = 0.5  # Of a thing's axis with the vertical: it lies within 30 degrees.
-STANDING_LEANS_DEG = (15.0, 30.0, 0.0, 45.0)
-"""How far a hand leans over a thing that lies, the preferred one first: the palm stays off what it will stand on."""
-
-HELD_SHARES = (0.12, 0.0, 0.25)
-"""Of its height, towards its top from its middle: where a thing that lies is held."""
-
-STEEP_RAD = 0.6
-"""A hand that leans less than this may have the arm on any side."""
 
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
 UPRIGHT_COSINE = 0.95  # Within 18 degrees.
@@ -245,55 +235,6 @@ def deep_goals(asset: Asset, T_world_object: Array, along_rad: float) -> list[Ha
     return goals
 
 
-def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:
-    """Return hand poses from above around a thing that lies, in which it can be stood up; none for what does not.
-
-    The fingers close across its axis. The hand comes straight down, or leans towards the thing's foot: once the thing
-    stands, a hand from straight above is level, and one that leaned comes as much from above.
-
-    Args:
-        hand: Lengths of the hand.
-        asset: The thing; its frame is the centre of its bounding box.
-        T_world_object: (4, 4) where it lies.
-    """
-    R, middle = T_world_object[:3, :3], T_world_object[:3, 3]
-    if abs(R[2, 2]) > LYING_COSINE or not stands_by_nature(asset):
-        return []
-    footward = -np.array([R[0, 2], R[1, 2], 0.0]) / float(np.hypot(*R[:2, 2]))
-    low_m, high_m = (float(middle[2] + bound[2]) for bound in bounds(asset, R))
-    goals = []
-    for (rank, lean_deg), (further, share) in itertools.product(enumerate(STANDING_LEANS_DEG), enumerate(HELD_SHARES)):
-        lean = float(np.deg2rad(lean_deg))
-        hand_R = hand_rotation(heading_of(footward), np.pi / 2 - lean)
-        across = bounds(asset, hand_R.T @ R)
-        if float(across[1][1] - across[0][1]) > hand.opening_m:
-            continue
-        point = middle + share * asset.extent_m[2] * R[:, 2]
-        # The palm meets the side of the thing with its edge that is towards the thing's top, or the top's end.
-        side_m = high_m - float(point[2])
-        met_m = min((0.5 - share) * asset.extent_m[2], (hand.palm_half_m + side_m * np.sin(lean)) / np.cos(lean))
-        beyond_m = side_m * np.cos(lean) + met_m * np.sin(lean) - hand.palm_room_m
-        if beyond_m > FINGERTIPS_M:
-            continue
-        point = point - max(0.0, beyond_m) * hand_R[:, 2]
-        drop_m = hand.fingertip_m * float(np.cos(lean)) + hand.finger_half_m * float(np.sin(lean))
-        point[2] = max(float(point[2]), low_m + OFF_THE_SUPPORT_M + drop_m)
-        if high_m - (float(point[2]) - drop_m) < GRIP_DEPTH_M:
-            continue
-        cost = PITCH_COST * rank + SHALLOW_COST * further
-        # From straight above the robot may stand on any side, however the fingers close.
-        for yaw, flip in itertools.product(_sides(footward, lean), (False, True)):
-            T = transform(hand_rotation(heading_of(footward), np.pi / 2 - lean, flip=flip), point)
-            goals.append(HandGoal(T, yaw, cost))
-    return goals
-
-
-def _sides(footward: Array, lean_rad: float) -> tuple[float, ...]:
-    """Return the headings of a robot whose hand comes down over a thing that lies."""
-    ahead = heading_of(footward)
-    return (ahead,) if lean_rad > STEEP_RAD else tuple(ahead + turn * np.pi / 2 for turn in (0, 1, -1, 2))
-
-
 def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     """Return hand poses that close around the upper part of an item, whose palm may or may not have room.
 
@@ -319,15 +260,18 @@ def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     return goals
 
 
-def rim_goals(asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD) -> list[HandGoal]:
-    """Return hand poses at each flat piece of an upright thing's wall, coming down along it from outside.
+def rim_goals(
+    asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD, *, lies: bool = False
+) -> list[HandGoal]:
+    """Return hand poses at each flat piece of a thing's wall, coming along it from outside: down, where it stands.
 
     Args:
         asset: The thing; without a rim there are none.
-        T_world_object: (4, 4) where it stands; there are none where it lies.
+        T_world_object: (4, 4) where it stands; there are none where it lies, unless that is asked for.
         leans_rad: How far the hand leans over along the rim.
+        lies: Whether it may lie.
     """
-    if asset.rim is None or T_world_object[2, 2] < UPRIGHT_COSINE:
+    if asset.rim is None or (T_world_object[2, 2] < UPRIGHT_COSINE and not lies):
         return []
     goals = []
     middle = (T_world_object @ np.array([*asset.rim.center_m, 1.0]))[:3]

@@ -22,7 +22,7 @@ from executor.planning.articulation import ArticulationTask
 from executor.planning.articulation_stances import articulation_stances, explain_failure
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
-from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals, standing_up_goals
+from executor.planning.grasps import SIDEWAYS_RAD, item_goals, rim_goals
 from executor.planning.openings import (
     Purpose,
     first_item_put_inside,
@@ -45,6 +45,7 @@ from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance
+from executor.planning.standing_up import standing_up_goals
 from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World

@@ -1,0 +1,103 @@
+"""Grasp poses at a thing that lies and is to be stood up: around it from above, or at its wall through its mouth.
+
+The hand keeps hold of it until it stands, so a grasp has to suit both: a hand that comes down onto a lying thing is
+level once the thing is upright, and one that comes through the mouth of a cup points straight down.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from executor.assets.asset_geometry import bounds, stands_by_nature, width_at
+from executor.assets.model import Asset
+from executor.geometry import Array, hand_rotation, heading_of, transform
+from executor.planning.grasps import (
+    FINGERTIPS_M,
+    GRIP_DEPTH_M,
+    OFF_THE_SUPPORT_M,
+    PITCH_COST,
+    SHALLOW_COST,
+    rim_goals,
+)
+from executor.planning.stances import HandGoal
+from oag.model.robots import HandShape
+
+LYING_COSINE = 0.5  # Of a thing's axis with the vertical: it lies within 30 degrees.
+LEANS_DEG = (15.0, 30.0, 0.0, 45.0)
+"""How far the hand leans towards the foot, the preferred one first: once the thing stands, it comes so from above."""
+
+HELD_SHARES = (0.12, 0.0, 0.25)
+"""Of its height, towards its top from its middle: where the thing is held."""
+
+ANY_SIDE_DEG = 35.0  # A hand that leans less than this may have the arm on any side.
+FLAT_SHARE = 0.95
+"""What is as wide, by this share, where the hand holds it as at its middle has flat sides, and holds higher up too."""
+
+
+def lies(T_world_object: Array) -> bool:
+    """Return whether a thing lies on its side."""
+    return bool(abs(T_world_object[2, 2]) < LYING_COSINE)
+
+
+def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:
+    """Return hand poses from above around a thing that lies, its axis across the fingers; none for what does not lie.
+
+    Args:
+        hand: Lengths of the hand.
+        asset: The thing; its frame is the centre of its bounding box.
+        T_world_object: (4, 4) where it lies.
+    """
+    if not (lies(T_world_object) and stands_by_nature(asset)):
+        return []
+    R, height_m = T_world_object[:3, :3], asset.extent_m[2]
+    middle = T_world_object[:3, 3] + R @ np.array(asset.grasp_point_m)
+    ahead = heading_of(-R[:, 2])
+    level = hand_rotation(ahead, np.pi / 2)
+    (_, low_y, _), (_, high_y, _) = bounds(asset, level.T @ R)
+    if high_y - low_y > hand.opening_m:
+        return []
+    low_m, high_m = (float(T_world_object[2, 3] + bound[2]) for bound in bounds(asset, R))
+    goals = []
+    for (rank, lean_deg), (further, share) in itertools.product(enumerate(LEANS_DEG), enumerate(HELD_SHARES)):
+        lean = float(np.deg2rad(lean_deg))
+        approach = hand_rotation(ahead, np.pi / 2 - lean)[:, 2]
+        at = middle + share * height_m * R[:, 2]
+        # The palm meets the side of the thing with its edge that is towards the thing's top, or the end of the top.
+        side_m = high_m - float(at[2])
+        met_m = min((0.5 - share) * height_m, (hand.palm_half_m + side_m * np.sin(lean)) / np.cos(lean))
+        beyond_m = side_m * np.cos(lean) + met_m * np.sin(lean) - hand.palm_room_m
+        point = at - max(0.0, beyond_m) * approach
+        drop_m = hand.fingertip_m * float(np.cos(lean)) + hand.finger_half_m * float(np.sin(lean))
+        point[2] = max(float(point[2]), low_m + OFF_THE_SUPPORT_M + drop_m)
+        higher_m = float(point[2] - at[2])
+        if higher_m > FINGERTIPS_M and not _is_flat(asset, level.T @ R, float(middle[2] - T_world_object[2, 3]), higher_m):
+            continue
+        if high_m - (float(point[2]) - drop_m) < GRIP_DEPTH_M:
+            continue
+        cost = PITCH_COST * rank + SHALLOW_COST * further
+        sides = (0.0, 0.5, -0.5, 1.0) if lean_deg < ANY_SIDE_DEG else (0.0,)
+        for side, flip in itertools.product(sides, (False, True)):
+            T = transform(hand_rotation(ahead, np.pi / 2 - lean, flip=flip), point)
+            goals.append(HandGoal(T, ahead + side * np.pi, cost))
+    return goals
+
+
+def _is_flat(asset: Asset, R_down_object: Array, middle_m: float, higher_m: float) -> bool:
+    """Return whether a lying thing is as wide some way above its middle as there; both along an axis that points down."""
+    widths_m = (width_at(asset, R_down_object, -(middle_m + over_m)) for over_m in (higher_m, 0.0))
+    above_m, there_m = widths_m
+    return above_m >= FLAT_SHARE * there_m
+
+
+def standing_up_rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
+    """Return hand poses at the wall of a thing that lies, one finger in its mouth; none for what does not lie.
+
+    Args:
+        asset: The thing; without a rim there are none.
+        T_world_object: (4, 4) where it lies.
+    """
+    if not lies(T_world_object):
+        return []
+    return rim_goals(asset, T_world_object, (0.0,), lies=True)
