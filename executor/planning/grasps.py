@@ -260,18 +260,15 @@ def top_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     return goals
 
 
-def rim_goals(
-    asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD, *, lies: bool = False
-) -> list[HandGoal]:
-    """Return hand poses at each flat piece of a thing's wall, coming along it from outside: down, where it stands.
+def rim_goals(asset: Asset, T_world_object: Array, leans_rad: tuple[float, ...] = LEANS_RAD) -> list[HandGoal]:
+    """Return hand poses at each flat piece of an upright thing's wall, coming down along it from outside.
 
     Args:
         asset: The thing; without a rim there are none.
-        T_world_object: (4, 4) where it stands; there are none where it lies, unless that is asked for.
+        T_world_object: (4, 4) where it stands; there are none where it lies.
         leans_rad: How far the hand leans over along the rim.
-        lies: Whether it may lie.
     """
-    if asset.rim is None or (T_world_object[2, 2] < UPRIGHT_COSINE and not lies):
+    if asset.rim is None or T_world_object[2, 2] < UPRIGHT_COSINE:
         return []
     goals = []
     middle = (T_world_object @ np.array([*asset.rim.center_m, 1.0]))[:3]

@@ -25,7 +25,6 @@ from executor.planning.grasps import (
 )
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
-from executor.planning.standing_up import standing_up_goals, standing_up_rim_goals
 from executor.planning.stances import (
     HandGoal,
     Stance,
@@ -34,6 +33,7 @@ from executor.planning.stances import (
     nearest_miss,
     search_stances,
 )
+from executor.planning.standing_up import standing_up_goals
 from executor.records import Failure, FailureKind
 from executor.sim.detectors import box_around, read
 from executor.sim.world import World
@@ -131,10 +131,9 @@ class Pick:
         Args:
             allows_placement: Whether a hand at a pose (4, 4) can also put the item down upright.
         """
-        around = standing_up_goals(self._hand, self._asset, self._T_item)
-        for goals, at_rim in ((around, False), (standing_up_rim_goals(self._asset, self._T_item), True)):
-            fitting = [goal for goal in goals if at_rim or allows_placement is None or allows_placement(goal.T_world_eef)]
-            yield from self._search(fitting, self._lifting(at_rim=at_rim))
+        goals = standing_up_goals(self._hand, self._asset, self._T_item)
+        fitting = [goal for goal in goals if allows_placement is None or allows_placement(goal.T_world_eef)]
+        yield from self._search(fitting, self._lifting())
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.

@@ -1,7 +1,8 @@
-"""Grasp poses at a thing that lies and is to be stood up: around it from above, or at its wall through its mouth.
+"""Grasp poses at a thing that lies and is to be stood up: around it from above, the fingers across its axis.
 
-The hand keeps hold of it until it stands, so a grasp has to suit both: a hand that comes down onto a lying thing is
-level once the thing is upright, and one that comes through the mouth of a cup points straight down.
+The hand keeps hold of it until it stands, so a grasp has to suit both: a hand that comes straight down onto a lying
+thing is level once the thing is upright, and one that leans towards its foot comes as much from above then. What only
+its wall can be held at is not stood up: through its mouth no hand gets that close above what it lies on.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from executor.planning.grasps import (
     OFF_THE_SUPPORT_M,
     PITCH_COST,
     SHALLOW_COST,
-    rim_goals,
 )
 from executor.planning.stances import HandGoal
 from oag.model.robots import HandShape
@@ -36,11 +36,6 @@ FLAT_SHARE = 0.95
 """What is as wide, by this share, where the hand holds it as at its middle has flat sides, and holds higher up too."""
 
 
-def lies(T_world_object: Array) -> bool:
-    """Return whether a thing lies on its side."""
-    return bool(abs(T_world_object[2, 2]) < LYING_COSINE)
-
-
 def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:
     """Return hand poses from above around a thing that lies, its axis across the fingers; none for what does not lie.
 
@@ -49,7 +44,7 @@ def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> l
         asset: The thing; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it lies.
     """
-    if not (lies(T_world_object) and stands_by_nature(asset)):
+    if abs(T_world_object[2, 2]) > LYING_COSINE or not stands_by_nature(asset):
         return []
     R, height_m = T_world_object[:3, :3], asset.extent_m[2]
     middle = T_world_object[:3, 3] + R @ np.array(asset.grasp_point_m)
@@ -72,7 +67,9 @@ def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> l
         drop_m = hand.fingertip_m * float(np.cos(lean)) + hand.finger_half_m * float(np.sin(lean))
         point[2] = max(float(point[2]), low_m + OFF_THE_SUPPORT_M + drop_m)
         higher_m = float(point[2] - at[2])
-        if higher_m > FINGERTIPS_M and not _is_flat(asset, level.T @ R, float(middle[2] - T_world_object[2, 3]), higher_m):
+        if higher_m > FINGERTIPS_M and not _is_flat(
+            asset, level.T @ R, float(middle[2] - T_world_object[2, 3]), higher_m
+        ):
             continue
         if high_m - (float(point[2]) - drop_m) < GRIP_DEPTH_M:
             continue
@@ -89,15 +86,3 @@ def _is_flat(asset: Asset, R_down_object: Array, middle_m: float, higher_m: floa
     widths_m = (width_at(asset, R_down_object, -(middle_m + over_m)) for over_m in (higher_m, 0.0))
     above_m, there_m = widths_m
     return above_m >= FLAT_SHARE * there_m
-
-
-def standing_up_rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
-    """Return hand poses at the wall of a thing that lies, one finger in its mouth; none for what does not lie.
-
-    Args:
-        asset: The thing; without a rim there are none.
-        T_world_object: (4, 4) where it lies.
-    """
-    if not lies(T_world_object):
-        return []
-    return rim_goals(asset, T_world_object, (0.0,), lies=True)
