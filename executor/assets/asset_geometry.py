@@ -54,12 +54,12 @@ def is_tall(asset: Asset) -> bool:
 
 
 def stands_by_nature(asset: Asset) -> bool:
-    """Return whether a thing has one way in which it stands: it is tall, or hollow and open at the top.
+    """Return whether a thing has one way in which it stands: it is round about an axis, tall, or hollow.
 
     A ball has none, and a die stands on any side.
     """
     is_hollow = any(region.kind == "interior" and region.opening[2] > 0.5 for region in asset.regions)
-    return not rolls_freely(asset) and (is_tall(asset) or is_hollow)
+    return not rolls_freely(asset) and (asset.symmetric_about_z or is_tall(asset) or is_hollow)
 
 
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:

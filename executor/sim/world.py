@@ -46,10 +46,10 @@ from oag.model.scene import UPRIGHT_DEG
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
 
 
-ROLLING_DAMPING = 8.0
-"""Damping [1/s] of the rotation of a thing that lies. With the usual 3 / s a can or a glass on its side rolls by 3 cm/s
-over a level top for as long as one looks, driven by how the engine finds the contacts of cylinders; with this it rests
-within a second. Rolling resistance, for which it stands in, is what holds a can on a table."""
+ROLLING_DAMPING = 20.0
+"""Damping [1/s] of the rotation of a thing that lies. With the usual 3 / s a can or a glass on its side may roll by
+3 cm/s over a level top for as long as one looks, driven by how the engine finds the contacts of cylinders; with 8 / s one
+of twenty did, with 15 / s none. Rolling resistance, for which it stands in, is what holds a can on a table."""
 
 
 def _resting(obj: SceneObject) -> Asset:

@@ -27,7 +27,7 @@ Relation = Literal["inside", "ontop"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
 PREPOSITION: dict[Relation, str] = {"inside": "into", "ontop": "onto"}
 _MOST_NAMED = 6
-_TALL = 1.2  # Times as high as wide: it is there to stand.
+_TALL, _ROUND_M = 1.2, 1e-3  # Times as high as wide: it is there to stand. Round things are as long as wide.
 
 
 class IntentKind(Enum):
@@ -439,14 +439,15 @@ class Surroundings:
         return self.value(bddl.Atom("toggled_on", (object_id,)))
 
     def can_stand(self, object_id: str) -> bool:
-        """Decide whether an object has one way in which it stands: it is taller than wide, or hollow.
+        """Decide whether an object has one way in which it stands: it is taller than wide, round, or hollow.
 
         A scene in which something lies states it; elsewhere it follows from the box and what the thing is for.
         """
         if "can_stand" in self.scene.domain.predicates:
             return self.value(bddl.Atom("can_stand", (object_id,))) is True
         along, across, height = self.scene.objects[object_id].extent_m
-        return self.affordances[object_id].interior or height > _TALL * min(along, across)
+        is_round = abs(along - across) < _ROUND_M < abs(height - along)  # Balls and dice are as high as they are wide.
+        return self.affordances[object_id].interior or height > _TALL * min(along, across) or is_round
 
     def is_upright(self, object_id: str) -> bool | None:
         """Decide whether an object stands at the start; None where the scene does not say."""
