@@ -33,7 +33,7 @@ from executor.planning.stances import (
     nearest_miss,
     search_stances,
 )
-from executor.planning.standing_up import standing_up_goals
+from executor.planning.standing_up import is_rolled_over, standing_up_goals
 from executor.records import Failure, FailureKind
 from executor.sim.detectors import box_around, read
 from executor.sim.world import World
@@ -133,7 +133,13 @@ class Pick:
         """
         goals = standing_up_goals(self._hand, self._asset, self._T_item)
         fitting = [goal for goal in goals if allows_placement is None or allows_placement(goal.T_world_eef)]
-        yield from self._search(fitting, self._lifting())
+        lift, forward = self._lifting(), self.planner.kinematics.forward
+
+        def lift_where(rolled: bool) -> Validate[Lift]:
+            return lambda q: lift(q) if is_rolled_over(forward(q), self._T_item) is rolled else None
+
+        for rolled in (False, True):
+            yield from self._search(fitting, lift_where(rolled))
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.

@@ -78,10 +78,17 @@ def standing_up_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> l
             continue
         cost = PITCH_COST * rank + OFF_MIDDLE_COST * share * height_m
         sides = (0.0, 0.5, -0.5, 1.0) if lean_deg < ANY_SIDE_DEG else (0.0,)
-        for side, flip in itertools.product(sides, (False, True)):
-            T = transform(hand_rotation(ahead, np.pi / 2 - lean, flip=flip), point)
-            goals.append(HandGoal(T, ahead + side * np.pi, cost))
+        T = transform(hand_rotation(ahead, np.pi / 2 - lean), point)
+        goals += [HandGoal(T, ahead + side * np.pi, cost) for side in sides]
     return goals
+
+
+def is_rolled_over(T_world_eef: Array, T_world_object: Array) -> bool:
+    """Return whether a hand around a thing that lies is half a turn from how hands go about, once the thing stands.
+
+    Few postures of an arm hold it so, and few ways lead into and out of them.
+    """
+    return bool(T_world_eef[:3, 0] @ T_world_object[:3, 2] > 0.0)
 
 
 def _is_flat(asset: Asset, R_down_object: Array, middle_m: float, higher_m: float) -> bool:

@@ -343,12 +343,13 @@ def with_stance(session: Session) -> Session | Failure:
                 ArticulationTask(planner, world, target, handles[0], articulation[1]),
                 session.q[session.planner.robot.base],
             )
-        if not fits_between(asset, session.gripper):
+        if not fits_between(asset, session.gripper) and not _is_stood_up(session):
             return explain_rim_failure(planner, world, target, session.q[session.planner.robot.base])
+        goals_of = standing_up_goals if _is_stood_up(session) else item_goals
         return explain_pick_failure(
             planner,
             target,
-            item_goals(planner.robot.hand, asset, world.T_world_link(target)),
+            goals_of(planner.robot.hand, asset, world.T_world_link(target)),
             session.q[session.planner.robot.base],
         )
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
@@ -366,7 +367,7 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
-    if any(one.target == target and sets_upright(one) for one in (session.subtask, *session.later)):
+    if _is_stood_up(session):
         yield pick.standing_up_stances(None if narrowed else _standing_up_check(session))
         return
     fits = fits_between(world.assets[target], session.gripper)
@@ -401,6 +402,12 @@ def _rim_check(session: Session) -> Callable[[Array], bool] | None:
         return None
     T_item = session.believed.T_world_link(session.subtask.target)
     return _placement_check(session, [*rim_goals(asset, T_item), *rim_goals(asset, T_item, SIDEWAYS_RAD)])
+
+
+def _is_stood_up(session: Session) -> bool:
+    """Return whether the target lies and is taken to be stood up."""
+    target = session.subtask.target
+    return any(one.target == target and sets_upright(one) for one in (session.subtask, *session.later))
 
 
 def _standing_up_check(session: Session) -> Callable[[Array], bool] | None:
