@@ -492,7 +492,7 @@ def _packaged(*names: str) -> Domain:
         return found[0]
     predicates = {key: value for one in found for key, value in one.own_predicates.items()}
     rows = {key: row for one in found for key, row in one.rows.items()}
-    return Domain(" and ".join(names), own_predicates=predicates, rows=rows)
+    return Domain("_and_".join(names), own_predicates=predicates, rows=rows)
 
 
 BUILT_IN = Domain("household")
