@@ -217,7 +217,7 @@ class _Listing:
             lies = self.start.value(("can_stand", item)) is True and self.start.value(("upright", item)) is False
             if lies and (hosts := self.hosts.get(item)):
                 goal = (bddl.Atom(hosts[0][0], (item, hosts[0][1])), bddl.Atom("upright", (item,)))
-                yield self._wish("stand-up", (item,), goal, "stand {0} up")
+                yield self._wish("stand-up", (item,), goal, "stand up {0}")
 
     def _has_control(self, key: str) -> bool:
         return any(self.start.value((predicate, key)) is True for predicate in ("has_button", "has_knob"))

@@ -159,13 +159,7 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
     verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
-    if tokens[0].text in names.lexicon.stands and refusal.code == "missing-place":
-        # "Stand the bat up"; with a place it is put there.
-        refusal.code = "unknown-action"
-        refusal.problem = (
-            f'without a place "{tokens[0].text}" is no action of the library: nothing here turns a thing over'
-        )
-    elif verb is not None and refusal.code in ("unknown-action", "not-understood"):
+    if verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
 

@@ -75,7 +75,7 @@ def test_wrong_plans_are_refuted_with_the_reason(thing: str, flow: Sequence[obje
 
 def test_the_wish_is_among_those_that_a_scene_admits() -> None:
     (found,) = oag.tasks(home(), ["stand-up"])
-    assert found.sentence == "stand the bottle up" and found.wish.targets == ("bottle_0",)
+    assert found.sentence == "stand up the bottle" and found.wish.targets == ("bottle_0",)
 
 
 def test_a_goal_alone_is_planned_for_what_can_stand() -> None:
