@@ -30,8 +30,8 @@ WishKind = Literal[
 ]  # fmt: skip
 """`pick` takes what stands on something, `take-out` what is inside something; `put-into` and `put-onto` put one item
 at furniture, `fill` into an item, `stack` onto an item; `all` puts all items of a category at furniture, and `empty`
-all that is in or on a thing at other furniture. What has a button or a knob is switched on and off, and what lies and stands by nature is
-stood up."""
+all that is in or on a thing at other furniture. What has a button or a knob is switched on and off, and
+what has fallen over is stood up."""
 KINDS: tuple[WishKind, ...] = get_args(WishKind)
 _MOST_TOGETHER = 6  # More things at once make plans of dozens of subtasks.
 Relation = Literal["inside", "ontop"]

@@ -92,7 +92,13 @@ def is_rolled_over(T_world_eef: Array, T_world_object: Array) -> bool:
 
 
 def _is_flat(asset: Asset, R_down_object: Array, middle_m: float, higher_m: float) -> bool:
-    """Return whether a lying thing is as wide some way above its middle as there; both along an axis that points down."""
-    widths_m = (width_at(asset, R_down_object, -(middle_m + over_m)) for over_m in (higher_m, 0.0))
-    above_m, there_m = widths_m
+    """Return whether a lying thing is as wide some way above its middle as there.
+
+    Args:
+        asset: The thing.
+        R_down_object: (3, 3) its orientation in a frame whose y is across and whose z points down.
+        middle_m: Height of what is held above the thing's frame.
+        higher_m: How much higher.
+    """
+    above_m, there_m = (width_at(asset, R_down_object, -(middle_m + over_m)) for over_m in (higher_m, 0.0))
     return above_m >= FLAT_SHARE * there_m

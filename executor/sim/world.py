@@ -48,8 +48,8 @@ _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
 
 ROLLING_DAMPING = 20.0
 """Damping [1/s] of the rotation of a thing that lies. With the usual 3 / s a can or a glass on its side may roll by
-3 cm/s over a level top for as long as one looks, driven by how the engine finds the contacts of cylinders; with 8 / s one
-of twenty did, with 15 / s none. Rolling resistance, for which it stands in, is what holds a can on a table."""
+3 cm/s over a level top for as long as one looks, driven by how the engine finds the contacts of cylinders; with 8 / s
+one of twenty did, with 15 / s none. Rolling resistance, for which it stands in, is what holds a can on a table."""
 
 
 def _resting(obj: SceneObject) -> Asset:

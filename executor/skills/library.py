@@ -1,6 +1,7 @@
 """The primitives with their functions, and the parameterised moves: straight hand motions, base slides and turns.
 
-The 21 have theirs here, and so have the domains of appliances and of fallen things. One of another domain gets its function by `add_skill`.
+The 21 have theirs here, and so have the domains of appliances and of fallen things. One of another domain gets its
+function by `add_skill`.
 """
 
 from __future__ import annotations

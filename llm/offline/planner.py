@@ -514,8 +514,8 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
     where = "inside" if end.relation == "inside" else "on top of"
     if step.kind is IntentKind.STAND:
         return (
-            f"Stand {target} up {'in' if end.relation == 'inside' else 'on'} {end.object_id}: turn the hand so that what "
-            "lay is upright, lower it until it stands there, then let go and withdraw the hand."
+            f"Stand {target} up {end}: turn the hand so that what lay is upright, lower it until it stands there, "
+            "then let go and withdraw the hand."
         )
     return (
         f"Put {target} {PREPOSITION[end.relation]} {end.object_id}: carry it there, move forward, "

@@ -1,4 +1,4 @@
-"""Words of standing up what lies: "stand the bottle up", "set the fallen glass upright", "put the can back on its feet".
+"""Words of standing up what lies: "stand the bottle up", "set the fallen glass upright", "put the can on its feet".
 
 Such a wish has a verb of putting and a word for upright, and says no other place than where the thing is. Where it
 says one, that is a wish to put it there, and things are put down upright anyway.
@@ -11,7 +11,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 from llm.offline.grounding import Grounding
-from llm.offline.lexicon import Lexicon
 from llm.offline.words import ENDS, PREPOSITIONS, TaggedWord, read_words
 
 _TURNING = frozenset({"turn", "tip", "tilt", "flip", "get", "make"})

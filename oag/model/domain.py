@@ -324,7 +324,7 @@ class Domain:
 
     @classmethod
     def fallen(cls, *, appliances: bool = False) -> Domain:
-        """Return the domain of scenes in which something lies that stands by nature: the 21 primitives, and SET_UPRIGHT.
+        """Return the domain of scenes in which something has fallen over: the 21 primitives, and SET_UPRIGHT.
 
         Args:
             appliances: Whether the rows for buttons and knobs are in it, too.
