@@ -294,7 +294,7 @@ class AtomMeasured(Measurement):
         gap_m, allowed_gap_m: `nextto`.
         separation_m: `touching`.
         beyond_its_furniture_m, nearest_room: `inroom`.
-        tilted_deg: Of what was put down: how far it leans from upright, or from how it stood at first.
+        tilted_deg: `upright`, and of what was put down: how far it leans from upright, or from how it stood at first.
         lifted_m: Of what was picked up: how far its lowest point is above where that was.
         control, pressed_m, turned_deg: `toggled_on`: the button or knob, and how far it is pressed or turned.
     """

@@ -26,11 +26,12 @@ from oag.verify.verify import Verdict, verify
 
 WishKind = Literal[
     "open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty",
-    "switch-on", "switch-off",
+    "switch-on", "switch-off", "stand-up",
 ]  # fmt: skip
 """`pick` takes what stands on something, `take-out` what is inside something; `put-into` and `put-onto` put one item
 at furniture, `fill` into an item, `stack` onto an item; `all` puts all items of a category at furniture, and `empty`
-all that is in or on a thing at other furniture. What has a button or a knob is switched on and off."""
+all that is in or on a thing at other furniture. What has a button or a knob is switched on and off, and
+what has fallen over is stood up."""
 KINDS: tuple[WishKind, ...] = get_args(WishKind)
 _MOST_TOGETHER = 6  # More things at once make plans of dozens of subtasks.
 Relation = Literal["inside", "ontop"]
@@ -191,6 +192,8 @@ class _Listing:
             yield from self._places_emptied()
         elif kind in ("switch-on", "switch-off"):
             yield from self._switchings(kind)
+        elif kind == "stand-up":
+            yield from self._standings()
         else:
             yield from self._placings(kind)
 
@@ -208,6 +211,13 @@ class _Listing:
                 atom = bddl.Atom("toggled_on", (key,))
                 goal = (atom if wanted else bddl.Not(atom),)
                 yield self._wish(kind, (key,), goal, f"{kind.replace('-', ' ')} {{0}}")
+
+    def _standings(self) -> Iterator[Wish]:
+        for item in self.items:
+            lies = self.start.value(("can_stand", item)) is True and self.start.value(("upright", item)) is False
+            if lies and (hosts := self.hosts.get(item)):
+                goal = (bddl.Atom(hosts[0][0], (item, hosts[0][1])), bddl.Atom("upright", (item,)))
+                yield self._wish("stand-up", (item,), goal, "stand up {0}")
 
     def _has_control(self, key: str) -> bool:
         return any(self.start.value((predicate, key)) is True for predicate in ("has_button", "has_knob"))

@@ -58,6 +58,20 @@ def is_cube(asset: Asset) -> bool:
     return len(solid) == 1 and solid[0].kind == "box" and min(solid[0].size_m) >= EQUAL_SIDES * max(solid[0].size_m)
 
 
+def is_tall(asset: Asset) -> bool:
+    """Return whether an item is clearly taller than it is wide: it is grasped from the side."""
+    return asset.extent_m[2] > 1.2 * min(asset.extent_m[0], asset.extent_m[1])
+
+
+def stands_by_nature(asset: Asset) -> bool:
+    """Return whether a thing has one way in which it stands: it is round about an axis, tall, or hollow.
+
+    A ball has none, and a die stands on any side.
+    """
+    is_hollow = any(region.kind == "interior" and region.opening[2] > 0.5 for region in asset.regions)
+    return not rolls_freely(asset) and (asset.symmetric_about_z or is_tall(asset) or is_hollow)
+
+
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     """Return the width along y of an asset's colliding shapes in a plane across z, joints shut; 0 beside the asset.
 

@@ -100,6 +100,8 @@ def _is_there(atom: Atom, scene: Scene, before: Snapshot, after: Snapshot) -> bo
     if name == "toggled_on" and len(arguments) == 1:
         # What can be switched by nothing is off; of what is no object nothing is known.
         return after.switched_on.get(arguments[0], False) if atom.args[0] in scene.objects else None
+    if name == "upright" and len(arguments) == 1:
+        return after.is_upright(arguments[0]) if arguments[0] in after.middles else None
     if len(arguments) != 2:
         return None
     item, other = arguments

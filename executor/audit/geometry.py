@@ -51,6 +51,10 @@ SWITCHED_FRACTION = 0.5
 """An appliance is on from this share of its button's or knob's range on."""
 
 
+UPRIGHT_COSINE = 0.9659
+"""A thing leans by fifteen degrees at most where it stands."""
+
+
 class Snapshot:
     """Where everything is in one state of a world.
 
@@ -126,6 +130,11 @@ class Snapshot:
     def lowest_m(self, owner: str) -> float:
         """Return the height of a thing's lowest point."""
         return float(self.corners(owner)[0][2])
+
+    def is_upright(self, item: str) -> bool:
+        """Decide whether an item's own upward direction is the vertical, within a few degrees, and nothing holds it."""
+        upwards = float(self.poses[item][2, 2] / np.linalg.norm(self.poses[item][:3, 2]))
+        return bool(upwards >= UPRIGHT_COSINE) and not self.is_held(item)
 
     def is_on(self, item: str, support: str) -> bool:
         """Decide whether an item rests on a face of a support that is under its middle; the ground is one."""

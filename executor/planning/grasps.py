@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.asset_geometry import bounds, rolls_freely, width_at
+from executor.assets.asset_geometry import bounds, is_tall, rolls_freely, width_at
 from executor.assets.model import Asset, Handle, Rim, Vector
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.planning.cargo import Carried
@@ -100,11 +100,6 @@ def handle_goals(handle: Handle, T_world_link: Array) -> list[HandGoal]:
             cost = PITCH_COST * rank + 0.1 * abs(along_m)
             goals.append(HandGoal(transform(R, centre + along_m * axis), yaw, cost))
     return goals
-
-
-def is_tall(asset: Asset) -> bool:
-    """Return whether an item is grasped from the side: it is clearly taller than it is wide."""
-    return asset.extent_m[2] > 1.2 * min(asset.extent_m[0], asset.extent_m[1])
 
 
 def item_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:

@@ -36,6 +36,7 @@ from executor.planning.stances import (
     nearest_miss,
     search_stances,
 )
+from executor.planning.standing_up import is_rolled_over, standing_up_goals
 from executor.records import Failure, FailureKind
 from executor.sim.detectors import box_around, read
 from executor.sim.world import World
@@ -136,6 +137,22 @@ class Pick:
 
             ordered = self.planner.robot.keeps_order
             yield from self._search(goals, suited, admits=None if ordered else admits)
+
+    def standing_up_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yield stances from which an item that lies can be taken and stood up.
+
+        Args:
+            allows_placement: Whether a hand at a pose (4, 4) can also put the item down upright.
+        """
+        goals = standing_up_goals(self._hand, self._asset, self._T_item)
+        fitting = [goal for goal in goals if allows_placement is None or allows_placement(goal.T_world_eef)]
+        lift, forward = self._lifting(), self.planner.kinematics.forward
+
+        def lift_where(rolled: bool) -> Validate[Lift]:
+            return lambda q: lift(q) if is_rolled_over(forward(q), self._T_item) is rolled else None
+
+        for rolled in (False, True):
+            yield from self._search(fitting, lift_where(rolled))
 
     def rim_stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yield stances from which the item can be taken by its wall, if it has one.

@@ -140,7 +140,7 @@ def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     # What a part or a spot does not allow, its thing may.
     if kind is None or any(each.where is not None and each.target in about for each in failed.task.subtasks):
         return None
-    true = [atom for text in facts if isinstance(atom := bddl.parse_formula(text), bddl.Atom)]
+    true = [atom for text in facts if isinstance(atom := failed.scene.domain.formula(text), bddl.Atom)]
     resting = [atom for atom in true if atom.predicate in RESTING and atom.args[1] != GRIPPER]
     moved = {subtask.target} if kind == "take" else set()
     others = {*_met(found), *((place,) if place is not None else ())} & failed.scene.objects.keys() - {subtask.target}

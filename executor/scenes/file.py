@@ -31,12 +31,14 @@ from executor.scenes.models import NoDefaultSize, complete_object, implausible_o
 from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
+    STANDING,
     SWITCHED,
     control_states,
     derive_support_relations,
     door_states,
     fallen_solids,
     is_upright,
+    standing_states,
     upright_solids,
 )
 from oag import Scene, SceneError, SceneObject
@@ -162,6 +164,7 @@ class _SceneCompletion:
         # (support, region, number of the choice) -> width that found no place there; wider items are skipped.
         self._refused_width_m: dict[tuple[str, str, int], float] = {}
         self._controls: tuple[bddl.Formula, ...] = ()
+        self._standing: tuple[bddl.Formula, ...] = ()
         self._stated: list[bddl.Atom] = []  # From `on` and `in` of entries with a whole position.
 
     def place_all(self) -> None:
@@ -197,7 +200,11 @@ class _SceneCompletion:
         """
         objects = {key: self._room.objects[key] for key in self._form.objects if key in self._room.objects}
         self._controls = tuple(control_states(objects.values()))
-        if self._controls and self._domain.built_in:
+        # A file that states what is closed says itself what is known of its things.
+        self._standing = tuple(standing_states(objects.values())) if self._form.closed is None else ()
+        if self._domain.built_in and self._standing:
+            self._domain = Domain.fallen(appliances=bool(self._controls))
+        elif self._domain.built_in and self._controls:
             self._domain = Domain.appliances()
         facts, closed = self._facts(objects)
         robot = self._robot(objects)
@@ -364,7 +371,7 @@ class _SceneCompletion:
         known = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
         stated_by_entries = tuple(atom for atom in self._stated if atom not in known and atom.args[1] not in self._lost)
         given = self._form.closed
-        usual = CLOSED | SWITCHED if self._controls else CLOSED
+        usual = CLOSED | (SWITCHED if self._controls else set()) | (STANDING if self._standing else set())
         here = frozenset(predicate for predicate in usual if has_predicate(self._domain, predicate))
         closed = here if given is None else read_closed(given, self._document.source, self._domain)
         return (*facts, *self._in_domain(stated_by_entries)), closed
@@ -376,6 +383,7 @@ class _SceneCompletion:
             *derive_support_relations(upright_solids(objects), fallen_solids(objects).values()),
             *door_states(objects.values()),
             *self._controls,
+            *self._standing,
         ]
         return self._in_domain(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
 

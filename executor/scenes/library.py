@@ -108,7 +108,7 @@ def described_in(scene: Scene, domain: Domain) -> Scene:
 
 def has_predicate(domain: Domain, name: str) -> bool:
     """Decide whether a domain has a predicate that geometry decides, with as many arguments."""
-    own, usual = domain.predicates.get(name), Domain.appliances().predicates[name]
+    own, usual = domain.predicates.get(name), Domain.fallen(appliances=True).predicates[name]
     return own is not None and len(own.parameters) == len(usual.parameters)
 
 

@@ -10,12 +10,12 @@ from typing import Self
 import numpy as np
 
 import bddl
-from executor.assets.asset_geometry import bounds
+from executor.assets.asset_geometry import bounds, stands_by_nature
 from executor.assets.footprint import Footprint, open_fraction, region_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from oag import SceneObject
-from oag.model.scene import FLOOR
+from oag.model.scene import FLOOR, UPRIGHT_DEG
 from oag.model.symbols import Kind
 from oag.primitives.table import OPEN_FRACTION
 
@@ -177,6 +177,23 @@ def door_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
 
 SWITCHED = frozenset({"has_button", "has_knob", "toggled_on"})
 """Predicates of appliances that geometry decides."""
+
+
+STANDING = frozenset({"can_stand", "upright"})
+"""Predicates of fallen things that geometry decides."""
+
+
+def standing_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
+    """Yield, of every item that has one way in which it stands, that it has one, and whether it stands so.
+
+    There are none where nothing has fallen: then there is nothing to say of it.
+    """
+    able = [obj for obj in objects if obj.kind is Kind.ITEM and stands_by_nature(asset_for(obj))]
+    if any(obj.lean_deg > UPRIGHT_DEG for obj in able):
+        for obj in able:
+            yield bddl.Atom("can_stand", (obj.id,))
+            state = bddl.Atom("upright", (obj.id,))
+            yield state if obj.lean_deg <= UPRIGHT_DEG else bddl.Not(state)
 
 
 def control_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:

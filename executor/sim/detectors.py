@@ -23,7 +23,7 @@ import numpy as np
 
 from bddl import Atom, literals, near_names
 from bddl.errors import Scene2DemoError
-from executor.assets.asset_geometry import bounds, rolls_freely
+from executor.assets.asset_geometry import bounds, rolls_freely, stands_by_nature
 from executor.assets.footprint import parts_gap_m, solid_parts
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
@@ -31,6 +31,7 @@ from executor.records import Penetration
 from executor.sim.engine import GROUND, ROBOT
 from executor.sim.world import World
 from oag.measurements import NOTHING_MEASURED, AtomMeasured
+from oag.model.scene import UPRIGHT_DEG
 from oag.primitives.table import OPEN_FRACTION
 
 TOUCH_M = 0.002
@@ -157,6 +158,22 @@ def _toggled_on(world: World, object_id: str) -> AtomReading:
 def _has_control(world: World, object_id: str, *, button: bool) -> AtomReading:
     asset = world.assets.get(object_id)
     return AtomReading(None if asset is None else any(one.is_button is button for one in asset.controls))
+
+
+def _can_stand(world: World, object_id: str) -> AtomReading:
+    asset = world.assets.get(object_id)
+    return AtomReading(None if asset is None else asset.motion == "dynamic" and stands_by_nature(asset))
+
+
+def _upright(world: World, object_id: str) -> AtomReading:
+    """Return whether a thing stands as it does by nature: hardly leaning, on something that is not the hand."""
+    asset = world.assets.get(object_id)
+    if asset is None or not _can_stand(world, object_id).value:
+        return AtomReading(None if asset is None else False, AtomMeasured(reason=f"{object_id} has no upright side"))
+    supporters = tuple(owner for owner in touching_bodies(world, object_id) if owner != ROBOT)
+    tilted_deg = float(np.degrees(np.arccos(np.clip(world.T_world_link(object_id)[2, 2], -1.0, 1.0))))
+    measured = AtomMeasured(tilted_deg=tilted_deg, supported_by=supporters)
+    return AtomReading(tilted_deg <= UPRIGHT_DEG and bool(supporters), measured)
 
 
 def _inside(world: World, object_id: str, container: str) -> AtomReading:
@@ -294,6 +311,7 @@ def true_atoms(world: World, predicates: Iterable[str]) -> tuple[Atom, ...]:
 
 DETECTORS: Mapping[str, Callable[..., AtomReading]] = MappingProxyType(
     {
+        "can_stand": _can_stand,
         "has_button": partial(_has_control, button=True),
         "has_knob": partial(_has_control, button=False),
         "inroom": _inroom,
@@ -304,6 +322,7 @@ DETECTORS: Mapping[str, Callable[..., AtomReading]] = MappingProxyType(
         "toggled_on": _toggled_on,
         "touching": _touching,
         "under": _under,
+        "upright": _upright,
     }
 )
 

@@ -1,6 +1,7 @@
 """The primitives with their functions, and the parameterised moves: straight hand motions, base slides and turns.
 
-The 21 have theirs here, and so has the domain of appliances. One of another domain gets its function by `add_skill`.
+The 21 have theirs here, and so have the domains of appliances and of fallen things. One of another domain gets its
+function by `add_skill`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from executor.skills.navigate import navigate_to_support, navigate_to_target, re
 from executor.skills.push import push, pushes
 from executor.skills.session import Session, StepResult
 from executor.skills.switch import press, turn
+from executor.skills.upright import ROW as SET_UPRIGHT
+from executor.skills.upright import set_upright
 from executor.system.effort import SearchExhausted
 from oag import Action, Primitive, Task
 from oag.measurements import MoveMeasured, OutOfReach, UnmeantContact, Unplanned, first_of
@@ -141,8 +144,14 @@ LIBRARY: Mapping[Primitive, Runner] = MappingProxyType(
 )
 """Each of the 21 primitives with the function that runs it."""
 
-_ADDED: dict[str, Runner] = {"PRESS_ON": press, "PRESS_OFF": press, "TURN_ON": turn, "TURN_OFF": turn}
-"""Those of the domain of appliances, and what `add_skill` adds."""
+_ADDED: dict[str, Runner] = {
+    "PRESS_ON": press,
+    "PRESS_OFF": press,
+    "TURN_ON": turn,
+    "TURN_OFF": turn,
+    SET_UPRIGHT: set_upright,
+}
+"""Those of the domains of appliances and of fallen things, and what `add_skill` adds."""
 
 
 class MissingSkill(Scene2DemoError, ValueError):

@@ -46,11 +46,13 @@ from executor.planning.place_search import PlacePlan, PlaceSearch
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import HandGoal, Stance
+from executor.planning.standing_up import standing_up_goals
 from executor.planning.whereabouts import ends_at_side, handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.push import PushSearch, pushes, strokes
 from executor.skills.session import Session, StepResult
+from executor.skills.upright import sets_upright
 from executor.skills.way_out import WayOut, is_out, pulled_rad
 from executor.system.effort import Obstructed
 from oag import Action, Primitive, SimpleTask
@@ -359,12 +361,13 @@ def with_stance(session: Session) -> Session | Failure:
                 ArticulationTask(planner, world, target, handles[0], articulation[1]),
                 session.q[session.planner.robot.base],
             )
-        if not fits_between(asset, session.gripper):
+        if not fits_between(asset, session.gripper) and not _is_stood_up(session):
             return explain_rim_failure(planner, world, target, session.q[session.planner.robot.base])
+        goals_of = standing_up_goals if _is_stood_up(session) else item_goals
         return explain_pick_failure(
             planner,
             target,
-            item_goals(planner.robot.hand, asset, world.T_world_link(target)),
+            goals_of(planner.robot.hand, asset, world.T_world_link(target)),
             session.q[session.planner.robot.base],
         )
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
@@ -388,6 +391,9 @@ def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
+    if _is_stood_up(session):
+        yield pick.standing_up_stances(None if narrowed else _standing_up_check(session))
+        return
     fits = fits_between(world.assets[target], session.gripper)
     later = [action.primitive for action in session.flow[session.step :]]
     leaves = Primitive.RETREAT in later and Primitive.UNGRASP not in later and not session.planner.robot.keeps_order
@@ -421,6 +427,19 @@ def _rim_check(session: Session) -> Callable[[Array], bool] | None:
         return None
     T_item = session.believed.T_world_link(session.subtask.target)
     return _placement_check(session, [*rim_goals(asset, T_item), *rim_goals(asset, T_item, SIDEWAYS_RAD)])
+
+
+def _is_stood_up(session: Session) -> bool:
+    """Return whether the target lies and is taken to be stood up."""
+    target = session.subtask.target
+    return any(one.target == target and sets_upright(one) for one in (session.subtask, *session.later))
+
+
+def _standing_up_check(session: Session) -> Callable[[Array], bool] | None:
+    """Return a test as of `_placement_check` for hands that stand the target up."""
+    world, target = session.believed, session.subtask.target
+    goals = standing_up_goals(world.model.hand, world.assets[target], world.T_world_link(target))
+    return _placement_check(session, goals)
 
 
 def _placement_check(session: Session, goals: list[HandGoal] | None = None) -> Callable[[Array], bool] | None:

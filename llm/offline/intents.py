@@ -18,6 +18,7 @@ from typing import Literal, get_args
 import bddl
 from llm.errors import RefusalCode
 from oag import Scene, SceneObject
+from oag.model.scene import UPRIGHT_DEG
 from oag.model.symbols import GRIPPER, Kind
 from oag.model.where import Where
 from oag.sizes import TO_THE_AIM, Sizing
@@ -26,23 +27,33 @@ Relation = Literal["inside", "ontop"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
 PREPOSITION: dict[Relation, str] = {"inside": "into", "ontop": "onto"}
 _MOST_NAMED = 6
+_TALL, _ROUND_M = 1.2, 1e-3  # Times as high as wide: it is there to stand. Round things are as long as wide.
 
 
 class IntentKind(Enum):
-    """Kinds of intents that a simple or compound task can fulfil, two of them in the domain of appliances."""
+    """Kinds of intents that a simple or compound task can fulfil.
+
+    Those of switching are of the domain of appliances, and standing things up is of that of fallen things.
+    """
 
     OPEN = "open"
     CLOSE = "close"
     PICK = "pick up"
     PLACE = "put"
     PUSH = "push"
+    STAND = "stand up"
     SWITCH_ON = "switch on"
     SWITCH_OFF = "switch off"
 
     @property
     def moves_an_item(self) -> bool:
-        """True for picking up, putting and pushing."""
-        return self in (IntentKind.PICK, IntentKind.PLACE, IntentKind.PUSH)
+        """True for picking up, putting, pushing and standing up."""
+        return self in (IntentKind.PICK, IntentKind.PLACE, IntentKind.PUSH, IntentKind.STAND)
+
+    @property
+    def puts_down(self) -> bool:
+        """True for what ends with a thing on or in something else than the hand."""
+        return self in (IntentKind.PLACE, IntentKind.STAND)
 
     @property
     def is_a_switching(self) -> bool:
@@ -78,6 +89,8 @@ class Intent:
             return f"{self.target} is {'open' if self.kind is IntentKind.OPEN else 'closed'}"
         if self.kind.is_a_switching:
             return f"{self.target} is {'on' if self.kind is IntentKind.SWITCH_ON else 'off'}"
+        if self.kind is IntentKind.STAND:
+            return f"{self.target} stands upright"
         if self.destination is None:
             return f"{self.target} is in the hand"
         return f"{self.target} is {'in' if self.relation == 'inside' else 'on'} {self.destination}"
@@ -91,6 +104,8 @@ class Intent:
         if self.kind.is_a_switching:
             is_on = bddl.Atom("toggled_on", (self.target,))
             return is_on if self.kind is IntentKind.SWITCH_ON else bddl.Not(is_on)
+        if self.kind is IntentKind.STAND:
+            return bddl.Atom("upright", (self.target,))
         if self.relation is None or self.destination is None:
             return bddl.Atom("inside", (self.target, "gripper"))
         return bddl.Atom(self.relation, (self.target, self.destination))
@@ -192,9 +207,9 @@ def _placing_of(intents: list[Intent], index: int) -> int | None:
     doors: set[str] = set()
     for later in range(index + 1, len(intents)):
         intent = intents[later]
-        if intent.kind is IntentKind.PLACE and intent.target == pick.target:
+        if intent.kind.puts_down and intent.target == pick.target:
             return later
-        if intent.kind is IntentKind.PLACE or intent.target in doors:
+        if intent.kind.puts_down or intent.target in doors:
             return None
         if intent.kind.is_about_a_door:
             doors.add(intent.target)
@@ -424,6 +439,24 @@ class Surroundings:
         """Decide whether an object is switched on at the start; None where the scene does not say."""
         return self.value(bddl.Atom("toggled_on", (object_id,)))
 
+    def can_stand(self, object_id: str) -> bool:
+        """Decide whether an object has one way in which it stands: it is taller than wide, round, or hollow.
+
+        A scene in which something lies states it; elsewhere it follows from the box and what the thing is for.
+        """
+        if "can_stand" in self.scene.domain.predicates:
+            return self.value(bddl.Atom("can_stand", (object_id,))) is True
+        along, across, height = self.scene.objects[object_id].extent_m
+        is_round = abs(along - across) < _ROUND_M < abs(height - along)  # Balls and dice are as high as they are wide.
+        return self.affordances[object_id].interior or height > _TALL * min(along, across) or is_round
+
+    def is_upright(self, object_id: str) -> bool | None:
+        """Decide whether an object stands at the start; None where the scene does not say."""
+        if "upright" in self.scene.domain.predicates:
+            return self.value(bddl.Atom("upright", (object_id,)))
+        thing = self.scene.objects[object_id]
+        return thing.lean_deg <= UPRIGHT_DEG if thing.has_box else None
+
     def supports(self, object_id: str) -> tuple[Support, ...]:
         """Return the stated supports of an object, containers first."""
         return self.standing.get(object_id, ())
@@ -481,6 +514,8 @@ class Surroundings:
         if intent.kind.is_a_switching:
             is_on = bddl.Atom("toggled_on", (intent.target,))
             return replace(self, known={**self.known, is_on: intent.kind is IntentKind.SWITCH_ON})
+        if intent.kind is IntentKind.STAND:
+            return replace(self, known={**self.known, bddl.Atom("upright", (intent.target,)): True})
         known = dict(self.known)
         for support in self.supports(intent.target):
             known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False

@@ -405,6 +405,12 @@ class _IntentBuilder(Referring):
         """Return the intents of switching things on or off, or to what they are not, where the sentence leaves it."""
         return switchings(self._ids(command), command.kind, command.part, self.grounding.around)
 
+    def _stood(self, command: Command) -> tuple[Intent, ...]:
+        ids, around = self._things(command), self.grounding.around
+        if any(phrase.everything for phrase in command.objects):
+            ids = [key for key in ids if around.can_stand(key) and around.is_upright(key) is False] or ids
+        return tuple(Intent(IntentKind.STAND, key) for key in ids)
+
     def _brought(self, command: Command) -> tuple[Intent, ...]:
         ids = self._things(command, self._source(command))
         intents, note = arranging.brought(ids, self.grounding)
@@ -424,6 +430,7 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
     "unstack": _IntentBuilder._unstacked,
     "bring": _IntentBuilder._brought,
     "liked": _IntentBuilder._brought,
+    "stand": _IntentBuilder._stood,
     "tidy": _IntentBuilder._tidied,
     **dict.fromkeys(SWITCHINGS, _IntentBuilder._switched),
 }

@@ -17,7 +17,7 @@ from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner", "rooms")
-_SIGNS = ("which", "goes", "stands", "people", "foreign")
+_SIGNS = ("which", "goes", "stands", "upright", "fallen", "people", "foreign")
 _COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
@@ -80,6 +80,8 @@ class Lexicon:
         anything: Words for any item, such as "object".
         features: Words for parts of things that are not moved alone, such as "handle".
         nicknames: Last word of a category -> further names of its things, where nothing else is called so.
+        upright: Manners that ask that a thing stands, where it lies.
+        fallen: Words for what lies and stands by nature.
         landmarks: Words for what only says where furniture stands, such as "window"; a scene may lack it.
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
@@ -94,6 +96,8 @@ class Lexicon:
     which: frozenset[str]
     goes: frozenset[str]
     stands: frozenset[str]
+    upright: frozenset[str]
+    fallen: frozenset[str]
     people: frozenset[str]
     foreign: frozenset[str]
     units: frozenset[str]

@@ -31,6 +31,7 @@ from llm.offline.interpretation import interpret_reading
 from llm.offline.lexicon import Lexicon, built_in
 from llm.offline.names import Names
 from llm.offline.reader import TOO_LONG, Reading, is_too_long, read
+from llm.offline.standing import with_standings
 from llm.offline.subtasks import (
     PlainTask,
     check_sizes,
@@ -43,7 +44,7 @@ from llm.offline.subtasks import (
 from llm.offline.switching import VERBS, can_switch, with_switchings
 from llm.offline.words import TaggedWord, read_words
 from llm.proposing.proposal import Expanded, Proposal
-from oag import Action, Primitive, Scene, SimpleTask, Task, Verdict, compose
+from oag import Action, Primitive, Scene, SimpleTask, Task, Verdict, compose, flows
 from oag.model.actions import ActionFlow
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
 from oag.wish_list import KINDS, AdmittedTask, OnRefusal, Wish, WishKind, ignore, wishes
@@ -66,10 +67,11 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "take-out": IntentKind.PICK,
     "switch-on": IntentKind.SWITCH_ON,
     "switch-off": IntentKind.SWITCH_OFF,
+    "stand-up": IntentKind.STAND,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
 _SWITCHINGS = ("SWITCHON", "SWITCHOFF", "OPERATE")
-_ACTIONS = frozenset({*_VERBS, *_SWITCHINGS, "FORCE", "PUSH", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
+_ACTIONS = frozenset({*_VERBS, *_SWITCHINGS, "SETUPRIGHT", "FORCE", "PUSH", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 LONGEST_QUERY = 2_000
 """Most characters of a query; the longest readable sentence needs a quarter of them."""
@@ -101,6 +103,8 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     grounding = Grounding.of(scene, lexicon, sizing)
     around = grounding.around
     words, manner = read_words(query, lexicon)
+    if (standing := with_standings(query, grounding)) is not None:
+        words, manner = standing, tuple(phrase for phrase in manner if phrase not in lexicon.upright)
     words, features = grounding.names.without_features(words)
     tokens = grounding.names.with_own_nouns(words)
     try:
@@ -155,13 +159,7 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
     verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
-    if tokens[0].text in names.lexicon.stands and refusal.code == "missing-place":
-        # "Stand the bat up"; with a place it is put there.
-        refusal.code = "unknown-action"
-        refusal.problem = (
-            f'without a place "{tokens[0].text}" is no action of the library: nothing here turns a thing over'
-        )
-    elif verb is not None and refusal.code in ("unknown-action", "not-understood"):
+    if verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
 
@@ -448,13 +446,19 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         support_goal=None if step.end is None else step.end.object_id,
         init=init,
         goal=goal,
-        flow=_switching_flow(step, around) if step.kind.is_a_switching else step.flow(around.scene),
+        flow=_flow(step, around),
         where=step.where,
     )
 
 
-def _switching_flow(step: PlainTask, around: Surroundings) -> ActionFlow | None:
-    """Return the flow that switches a thing by its button or its knob; None where the domain has no such primitive."""
+def _flow(step: PlainTask, around: Surroundings) -> ActionFlow | None:
+    """Return the flow of a simple task; None where it takes a primitive that the scene's domain does not have."""
+    if step.kind is IntentKind.STAND:
+        own = around.scene.domain.primitive("SET_UPRIGHT")
+        before, release = (tuple(map(Action, part)) for part in (flows.PLACE[:-2], flows.PLACE[-2:]))
+        return None if own is None else (*before, Action(own), *release)
+    if not step.kind.is_a_switching:
+        return step.flow(around.scene)
     verb = "PRESS" if around.control(step.target) == "button" else "TURN"
     own = around.scene.domain.primitive(f"{verb}_{'ON' if step.kind is IntentKind.SWITCH_ON else 'OFF'}")
     return None if own is None else (Action(own), Action(Primitive.RETREAT))
@@ -512,6 +516,11 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
         place = "" if start is None else f" {_from(start)}"
         return f"Pick up {target}{place}: drive to it, reach for it, grasp it and {clear}."
     where = "inside" if end.relation == "inside" else "on top of"
+    if step.kind is IntentKind.STAND:
+        return (
+            f"Stand {target} up {end}: turn the hand so that what lay is upright, lower it until it stands there, "
+            "then let go and withdraw the hand."
+        )
     return (
         f"Put {target} {PREPOSITION[end.relation]} {end.object_id}: carry it there, move forward, "
         f"lower it until it stands {where} {end.object_id}, then let go and withdraw the hand."
@@ -550,6 +559,8 @@ def _action(step: PlainTask) -> str:
         return f"{step.kind.value.replace('switch', 'switches')} {step.target}"
     if step.kind is IntentKind.PUSH:
         return f"pushes {step.target} {step.where}"
+    if step.kind is IntentKind.STAND and step.end is not None:
+        return f"stands {step.target} up {step.end} and lets go of it"
     if step.end is None:
         return f"picks up {step.target}" + ("" if step.start is None else f" {_from(step.start)}")
     return f"puts {step.target} {PREPOSITION[step.end.relation]} {step.end.object_id} and lets go of it"

@@ -19,7 +19,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "liked", "tidy", "toss", "find", "away", "push", "switch_on", "switch_off", "operate",
+    "liked", "tidy", "toss", "find", "away", "push", "switch_on", "switch_off", "operate", "stand",
 ]  # fmt: skip
 SWITCHINGS: tuple[CommandKind, ...] = ("switch_on", "switch_off", "operate")
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
@@ -176,6 +176,7 @@ class Command:
             "toss": "throw ",
             "find": "find ",
             "nest": "put into each other ",
+            "stand": "stand up ",
             "switch_on": "switch on ",
             "switch_off": "switch off ",
             "operate": f"operate the {self.part} of " if self.part else "operate ",

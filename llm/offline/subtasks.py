@@ -85,6 +85,8 @@ def check(intent: Intent, around: Surroundings) -> None:
             _check_destination(intent, around)
         if intent.kind is IntentKind.PUSH:
             _check_pushed(intent, around)
+        if intent.kind is IntentKind.STAND:
+            _check_lying(intent, around)
         _check_reachable(intent, around)
         return
     if not around.affordances[target].door:
@@ -100,6 +102,20 @@ def _check_control(intent: Intent, around: Surroundings) -> None:
     if around.is_on(intent.target) is (intent.kind is IntentKind.SWITCH_ON):
         raise _so_already(intent)
     _check_free_hand(around, f"to {intent.kind.value} {intent.target}")
+
+
+def _check_lying(intent: Intent, around: Surroundings) -> None:
+    """Raise the Refusal of standing up what has no upright side, stands already, or is in the hand."""
+    target = intent.target
+    if not around.can_stand(target):
+        raise _lacks(target, "no side on which alone it stands, so that there is nothing to stand up", around)
+    upright = around.is_upright(target)
+    if upright is None:
+        raise Refusal("affordance", f"the scene does not say whether {target} stands or lies")
+    if upright:
+        raise _so_already(intent)
+    if target in around.held():
+        raise Refusal("hand-full", f"{target} is in the hand; say where to put it")
 
 
 def check_item(target: str, around: Surroundings) -> None:
@@ -267,7 +283,7 @@ class PlainTask:
         kind: One of the kinds of simple tasks.
         target: Id of the object it acts on (o_t).
         start: For PICK and PUSH, where the target stands (o_s1 and its relation).
-        end: For PLACE and PUSH, where the target shall stand (o_s2 and its relation).
+        end: For PLACE, PUSH and STAND, where the target shall stand (o_s2 and its relation).
         where: The part or spot that is meant.
     """
 
@@ -295,7 +311,9 @@ class PlainTask:
             return there, bddl.Not(there)
         if self.kind is IntentKind.PUSH:
             return there, there  # The spot is no matter of symbols.
-        return bddl.Atom("inside", (self.target, GRIPPER)), there
+        upright = bddl.Atom("upright", (self.target,))
+        goal = bddl.And((there, upright)) if self.kind is IntentKind.STAND else there
+        return bddl.Atom("inside", (self.target, GRIPPER)), goal
 
     def flow(self, scene: Scene) -> ActionFlow:
         """Return the flow in a scene with open numbers, which the executor's geometric planner fills in."""
@@ -354,6 +372,8 @@ def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
         return [PlainTask(intent.kind, intent.target, start, start, intent.where)]
     if start is not None and start.object_id != GRIPPER:
         steps.append(PlainTask(IntentKind.PICK, intent.target, start=start))
+    if intent.kind is IntentKind.STAND:
+        steps.append(PlainTask(intent.kind, intent.target, end=start))
     if intent.relation is not None and intent.destination is not None:
         end = Support(intent.relation, intent.destination)
         steps.append(PlainTask(IntentKind.PLACE, intent.target, end=end, where=intent.where))
@@ -372,7 +392,7 @@ def _needed(later: Sequence[Intent], state: Surroundings, opened: Sequence[str])
 
 
 def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
-    """Return the task goal G: final places of objects, states of doors, and what is switched on or off.
+    """Return the task goal G: final places of objects, what stands, states of doors, and what is switched on or off.
 
     A later intent about the same object's place, or the same door, replaces an earlier one. A door that a placing
     needs open and that no intent opened is closed again. After a final pick the hand is not free to close a door, so
@@ -381,6 +401,7 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
     places: dict[str, bddl.Formula] = {}
     doors: dict[str, bddl.Formula] = {}
     switches: dict[str, bddl.Formula] = {}
+    stood: dict[str, bddl.Formula] = {}
     state = around
     for intent in request.intents:
         if intent.kind.is_about_a_door:
@@ -388,14 +409,19 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
         elif intent.kind.is_a_switching:
             switches[intent.target] = intent.wish
         else:
+            there = state.support(intent.target)
             places.pop(intent.target, None)
             places[intent.target] = intent.wish
+            if intent.kind is IntentKind.STAND and there is not None:
+                # It is put down again where it lay.
+                places[intent.target] = bddl.Atom(there.relation, (intent.target, there.object_id))
+                stood[intent.target] = intent.wish
             for door in () if state.fulfils(intent) else state.doors_in_the_way(intent):
                 doors.pop(door, None)
-                if intent.kind is IntentKind.PLACE:
+                if intent.kind.puts_down:
                     doors[door] = bddl.Not(bddl.Atom("open", (door,)))
         state = state.after(intent)
-    wanted = (*places.values(), *doors.values(), *switches.values())
+    wanted = (*places.values(), *stood.values(), *doors.values(), *switches.values())
     return wanted[0] if len(wanted) == 1 else bddl.And(wanted)
 
 

@@ -320,7 +320,16 @@ class Domain:
     @classmethod
     def appliances(cls) -> Domain:
         """Return the domain of scenes with a button or a knob: the 21 primitives, and one to press and to turn each."""
-        return _appliances()
+        return _packaged("appliances")
+
+    @classmethod
+    def fallen(cls, *, appliances: bool = False) -> Domain:
+        """Return the domain of scenes in which something has fallen over: the 21 primitives, and SET_UPRIGHT.
+
+        Args:
+            appliances: Whether the rows for buttons and knobs are in it, too.
+        """
+        return _packaged("appliances", "fallen") if appliances else _packaged("fallen")
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal domain."""
@@ -473,9 +482,17 @@ def dialect(name: str, predicates: Mapping[str, bddl.PredicateSpec]) -> bddl.Pro
 
 
 @cache
-def _appliances() -> Domain:
-    with as_file(files(__package__).joinpath("appliances.toml")) as path:
-        return Domain.from_toml(path)
+def _packaged(*names: str) -> Domain:
+    """Return what the domains of the package say that have some names."""
+    found = []
+    for name in names:
+        with as_file(files(__package__).joinpath(f"{name}.toml")) as path:
+            found.append(Domain.from_toml(path))
+    if len(found) == 1:
+        return found[0]
+    predicates = {key: value for one in found for key, value in one.own_predicates.items()}
+    rows = {key: row for one in found for key, row in one.rows.items()}
+    return Domain("_and_".join(names), own_predicates=predicates, rows=rows)
 
 
 BUILT_IN = Domain("household")

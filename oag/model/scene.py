@@ -73,6 +73,10 @@ class RobotPose:
         return robot_named(self.name)
 
 
+UPRIGHT_DEG = 15.0
+"""What leans no more than this from how it stands by nature is upright."""
+
+
 @dataclass(frozen=True, slots=True)
 class SceneObject:
     """One object of a scene, in the world frame (z up, metres, quaternions w x y z).
@@ -134,6 +138,12 @@ class SceneObject:
         w, x, y, z = self.orientation
         up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
         return sum(abs(cosine) * size for cosine, size in zip(up, self.extent_m, strict=True))
+
+    @property
+    def lean_deg(self) -> float:
+        """Angle [deg] between the object's own z axis and the vertical: 0 where it stands, 90 where it lies."""
+        _, x, y, _ = self.orientation
+        return math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
 
     def scaled(self, factor: float) -> Self:
         """Return the object scaled by a factor about the middle of its bottom, which stays where it is."""

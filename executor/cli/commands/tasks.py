@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Kind = Literal[
     "open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty",
-    "switch-on", "switch-off",
+    "switch-on", "switch-off", "stand-up",
 ]  # fmt: skip
 
 
@@ -39,7 +39,7 @@ class Options(CommonOptions):
     """Name of a scene, or a scene's JSON file."""
     kind: Annotated[tuple[Kind, ...], tyro.conf.arg(metavar="KIND...", help_behavior_hint="(default: every kind)")] = ()
     """Which kinds of wishes: open, close, pick, take-out, put-into, put-onto, fill (put into an item), stack (onto an
-    item), all (of a kind), empty (all that is at a place), switch-on, switch-off."""
+    item), all (of a kind), empty (all that is at a place), switch-on, switch-off, stand-up."""
     feasible: Flag = False
     """Also go through each plan by geometry, as `plan` does, in the scene as it is written."""
     limit_s: float = 20.0

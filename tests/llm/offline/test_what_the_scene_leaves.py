@@ -256,8 +256,9 @@ def test_that_it_is_held_is_said_and_two_things_are_not() -> None:
 @pytest.mark.parametrize(
     ("query", "code"),
     [
-        ("stand the mug up", "unknown-action"),
-        ("stand the mug upright", "unknown-action"),
+        ("stand the mug up", "already-so"),
+        ("stand the mug upright", "already-so"),
+        ("stand the mug", "missing-place"),
         ("put the mug up", "missing-place"),
     ],
 )
