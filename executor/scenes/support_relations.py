@@ -188,9 +188,9 @@ def standing_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
 
     There are none where nothing has fallen: then there is nothing to say of it.
     """
-    able = [obj for obj in objects if obj.kind is Kind.ITEM and stands_by_nature(asset_for(obj))]
-    if any(obj.lean_deg > UPRIGHT_DEG for obj in able):
-        for obj in able:
+    items = [obj for obj in objects if obj.kind is Kind.ITEM]
+    if any(obj.lean_deg > UPRIGHT_DEG and stands_by_nature(asset_for(obj)) for obj in items):
+        for obj in (item for item in items if stands_by_nature(asset_for(item))):
             yield bddl.Atom("can_stand", (obj.id,))
             state = bddl.Atom("upright", (obj.id,))
             yield state if obj.lean_deg <= UPRIGHT_DEG else bddl.Not(state)
