@@ -49,7 +49,7 @@ from executor.planning.stances import HandGoal, Stance
 from executor.planning.whereabouts import ends_at_side, handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
-from executor.skills.push import PushSearch, pushes, strokes
+from executor.skills.push import push_search, pushes
 from executor.skills.session import Session, StepResult
 from executor.skills.way_out import WayOut, is_out, pulled_rad
 from executor.system.effort import Obstructed
@@ -313,7 +313,7 @@ def with_stance(session: Session) -> Session | Failure:
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-    pushing = PushSearch(session, strokes(session)) if pushes(session.subtask) else None
+    pushing = push_search(session) if pushes(session.subtask) else None
     if pushing is not None:
         where = f"the place behind {target}"
         planned = adopt_first(session, lambda _: iter([pushing.stances()]))

@@ -9,7 +9,7 @@ for the thing, and its end on the surface.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -85,12 +85,16 @@ def pushes(subtask: SimpleTask) -> bool:
     return beside and Primitive.APPROACH in primitives and Primitive.GRASP not in primitives
 
 
-def strokes(session: Session) -> list[Stroke]:
-    """Return the pushes that end at the named side of the other thing with all of the thing on its surface."""
+def push_search(session: Session) -> PushSearch:
+    """Return the search among the pushes that end at the named side of the other thing, whole on its surface.
+
+    Items that bar a push are counted as met, so that they can be named and moved aside.
+    """
     world, subtask = session.believed, session.subtask
     where, support = subtask.where, subtask.support_goal
+    search = PushSearch(session, [])
     if where is None or support is None:
-        return []
+        return search
     (at, half), (other, room) = (box_around(world, name) for name in (subtask.target, where.other))
     yaw_rad, found = world.scene.robot.yaw_rad, list[tuple[float, Stroke]]()
     for angle in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
@@ -104,24 +108,28 @@ def strokes(session: Session) -> list[Stroke]:
             askew_rad = _askew_rad(session, stroke)
             if askew_rad <= ASKEW_RAD:
                 found.append((distance_m + ASKEW_M_PER_RAD * askew_rad, stroke))
-    chosen = list[Stroke]()
     for _, stroke in sorted(found, key=lambda each: each[0]):
-        is_other = all(_turn_rad(stroke.heading_rad, one.heading_rad) > OTHER_RAD for one in chosen)
-        if is_other and len(chosen) < MOST_STROKES_TRIED and _passed_by(session, stroke, half):
-            chosen.append(stroke)
-    return chosen
+        if len(search.strokes) == MOST_STROKES_TRIED:
+            break
+        if all(_turn_rad(stroke.heading_rad, one.heading_rad) > OTHER_RAD for one in search.strokes):
+            barring = _barring(session, stroke, half)
+            search.met.update(f"{subtask.target} and {name}" for name in barring)
+            if not barring:
+                search.strokes.append(stroke)
+    return search
 
 
 def _turn_rad(one: float, other: float) -> float:
     return abs(wrap_angle(one - other))
 
 
-def _passed_by(session: Session, stroke: Stroke, half: Array) -> bool:
-    """Return whether a thing's box goes past those of all other items, which no search of a stance changes."""
+def _barring(session: Session, stroke: Stroke, half: Array) -> list[str]:
+    """Return the items whose boxes a thing's own does not go past, which no search of a stance changes."""
     world, thing = session.believed, session.subtask.target
     left_m = np.linspace(stroke.distance_m, 0.0, int(stroke.distance_m / STEP_M) + 2)
     way = stroke.end - left_m[:, None] * stroke.direction
     beneath_m = way[0, 2] - half[2] + STEP_M
+    found = []
     for name in world.dynamic_ids:
         middle, room = box_around(world, name)
         if name == thing or middle[2] + room[2] < beneath_m or name in cargo_of(world, thing):
@@ -129,8 +137,8 @@ def _passed_by(session: Session, stroke: Stroke, half: Array) -> bool:
         gaps_m = np.linalg.norm(np.maximum(np.abs(way - middle) - half - room, 0.0), axis=1)
         # What stands closer at first is left; it comes no closer.
         if gaps_m.min() < min(PASSING_M, gaps_m[0]):
-            return False
-    return True
+            found.append(name)
+    return found
 
 
 def _askew_rad(session: Session, stroke: Stroke) -> float:
@@ -174,7 +182,7 @@ class PushSearch:
     """
 
     session: Session
-    strokes: Sequence[Stroke]
+    strokes: list[Stroke]
     met: Counter[str] = field(default_factory=Counter)
 
     def stances(self) -> Iterator[Stance[Stroke]]:
@@ -218,13 +226,17 @@ class PushSearch:
         """Return why no stance was found."""
         subtask, found = self.session.subtask, self.strokes
         where, thing, support = subtask.where, subtask.target, subtask.support_goal
-        named = tuple(name for name, _ in self.met.most_common(_MOST_NAMED))
-        unplanned = Unplanned(target=thing, support=support, in_the_way=named or None)
+        named = [name for name, _ in self.met.most_common()]
+        # The thing that the spot is beside stays: somewhere else it would be another spot.
+        other = "" if where is None else str(where.other)
+        movable = tuple(name for name in named if other not in (part.partition("/")[0] for part in name.split()))
+        unplanned = Unplanned(target=thing, support=support, in_the_way=movable[:_MOST_NAMED] or None)
+        if named:
+            met = (movable or named)[0]
+            return Failure(FailureKind.NO_PATH, f"no way to push {thing} {where}: {met} meet", (unplanned,))
         if not found:
             message = f"no straight push of at most {MOST_M:g} m along {support} brings {thing} {where}"
             return Failure(FailureKind.NO_PATH, message, (unplanned,))
-        if named:
-            return Failure(FailureKind.NO_PATH, f"no way to push {thing} {where}: {named[0]} meet", (unplanned,))
         message = f"the hand gets from nowhere behind {thing}, and on with it {where} ({len(found)} directions)"
         return Failure(FailureKind.UNREACHABLE, message, (unplanned,))
 

@@ -58,13 +58,26 @@ def test_a_wide_thing_is_pushed_to_where_it_is_wanted(
     assert next(iter(stroke.action.values())) > 0.02  # type: ignore[union-attr]
 
 
-def test_no_push_leads_through_another_thing() -> None:
+def test_what_bars_a_push_is_named_and_moved_aside() -> None:
     between = {"can_0": {"category": "can", "on": "table_0", "at": [-0.1, 0.0]}}
     free = table("carton", (-0.1, -0.3), "bottle", (-0.1, 0.25))
     barred = table("carton", (-0.1, -0.3), "bottle", (-0.1, 0.25), **between)
     assert forecast(free, "push thing_0 right of other_0")
-    found = forecast(barred, "push thing_0 right of other_0")
+    task = llm.propose("push thing_0 right of other_0", barred, sizing=Sizing(keep=True)).task
+    found = feasible(oag.compose(task, scene=barred), barred, 0, vary=False)
+    assert found, found.reason
+    moved = [subtask.target for subtask in found.task.subtasks]
+    assert moved[-1] == "thing_0"
+    assert set(moved[:-1]) == {"can_0"}
+
+
+def test_the_thing_that_the_spot_is_beside_is_not_moved_out_of_the_way() -> None:
+    scene = table("carton", (-0.1, -0.2), "bottle", (-0.1, 0.05))
+    found = forecast(scene, "push thing_0 to the left of other_0")
     assert not found
+    assert "thing_0 and other_0 meet" in found.reason
+    assert found.in_the_way == ()
+    assert {subtask.target for subtask in found.task.subtasks} == {"thing_0"}
 
 
 def test_no_push_ends_beyond_the_edge() -> None:
