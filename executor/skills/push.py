@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from executor.assets.asset_geometry import bounds
+from executor.assets.asset_geometry import bounds, rolls_freely
 from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform, wrap_angle
 from executor.planning.cargo import HELD, cargo_of, carried_by, touching_any
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
@@ -85,6 +85,16 @@ def pushes(subtask: SimpleTask) -> bool:
     return beside and Primitive.APPROACH in primitives and Primitive.GRASP not in primitives
 
 
+def unpushable(session: Session) -> str | None:
+    """Return why a thing is not pushed wherever the hand goes; None where it may be."""
+    world, support = session.believed, session.subtask.support_goal
+    if rolls_freely(world.assets[session.subtask.target]):
+        return "it rolls, and does not stay where the hand leaves it"
+    if support in world.dynamic_ids:
+        return f"{support} is loose, and would go along with what is pushed on it"
+    return None
+
+
 def push_search(session: Session) -> PushSearch:
     """Return the search among the pushes that end at the named side of the other thing, whole on its surface.
 
@@ -93,7 +103,7 @@ def push_search(session: Session) -> PushSearch:
     world, subtask = session.believed, session.subtask
     where, support = subtask.where, subtask.support_goal
     search = PushSearch(session, [])
-    if where is None or support is None:
+    if where is None or support is None or unpushable(session) is not None:
         return search
     (at, half), (other, room) = (box_around(world, name) for name in (subtask.target, where.other))
     yaw_rad, found = world.scene.robot.yaw_rad, list[tuple[float, Stroke]]()
@@ -227,6 +237,9 @@ class PushSearch:
         subtask, found = self.session.subtask, self.strokes
         where, thing, support = subtask.where, subtask.target, subtask.support_goal
         named = [name for name, _ in self.met.most_common()]
+        if (reason := unpushable(self.session)) is not None:
+            unplanned = Unplanned(target=thing, support=support)
+            return Failure(FailureKind.PRECONDITION, f"{thing} is not pushed {where}: {reason}", (unplanned,))
         # The thing that the spot is beside stays: somewhere else it would be another spot.
         other = "" if where is None else str(where.other)
         movable = tuple(name for name in named if other not in (part.partition("/")[0] for part in name.split()))
@@ -312,7 +325,8 @@ def press_on(session: Session, stroke: Stroke, amount_m: float, *, most_strokes:
     failure, hand_m, thing_m = None, amount_m, max(amount_m - BEHIND_M, 0.0)
     for _ in range(most_strokes):
         failure = _stroke(session, stroke, hand_m, thing_m)
-        if failure is None and float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE:
+        turned = float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE
+        if failure is None and turned and not rolls_freely(session.world.assets[thing]):
             failure = Failure(FailureKind.SIDE_EFFECT, f"{thing} tips over", (SideEffect(thing, 0.0, True),))
         hand_m = thing_m = float((stroke.end - box_around(session.world, thing)[0]) @ stroke.direction)
         if failure is not None or hand_m < STEP_M:

@@ -69,6 +69,8 @@ def test_what_bars_a_push_is_named_and_moved_aside() -> None:
     moved = [subtask.target for subtask in found.task.subtasks]
     assert moved[-1] == "thing_0"
     assert set(moved[:-1]) == {"can_0"}
+    done = rollout(oag.compose(found.task, scene=barred), barred, 0, vary=False, conditions=found.conditions())
+    assert done.succeeded, done.failure
 
 
 def test_the_thing_that_the_spot_is_beside_is_not_moved_out_of_the_way() -> None:
@@ -87,3 +89,14 @@ def test_no_push_ends_beyond_the_edge() -> None:
     assert found.failure is not None
     assert found.failure.kind is FailureKind.NO_PATH
     assert "no straight push" in found.reason
+
+
+@pytest.mark.parametrize("model", ["tennis_ball", "red_apple"])
+def test_what_rolls_is_not_pushed_and_what_only_is_round_is(model: str) -> None:
+    ball = forecast(table(model, (-0.1, -0.25), "porcelain_bowl", (-0.05, 0.15)), "push thing_0 next to other_0")
+    assert not ball
+    assert ball.failure is not None
+    assert ball.failure.kind is FailureKind.PRECONDITION
+    assert "it rolls" in ball.reason
+    can = forecast(table("can", (-0.1, -0.25), "porcelain_bowl", (-0.05, 0.15)), "push thing_0 next to other_0")
+    assert can, can.reason
