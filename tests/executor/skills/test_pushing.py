@@ -6,14 +6,17 @@ from typing import Any
 
 import pytest
 
+import bddl
 import llm
 import oag
 from executor import feasible, rollout
 from executor.records import FailureKind
 from executor.rollouts.feasibility import Feasibility
 from executor.scenes.file import complete_scene
-from oag import Scene
+from oag import Scene, SimpleTask
+from oag.flows import PUSH
 from oag.model.robots import LIFTED
+from oag.model.where import Where
 from oag.sizes import Sizing
 
 
@@ -100,3 +103,23 @@ def test_what_rolls_is_not_pushed_and_what_only_is_round_is(model: str) -> None:
     assert "it rolls" in ball.reason
     can = forecast(table("can", (-0.1, -0.25), "porcelain_bowl", (-0.05, 0.15)), "push thing_0 next to other_0")
     assert can, can.reason
+
+
+@pytest.mark.parametrize(("carrier", "is_loose"), [("book_0", True), ("table_0", False)])
+def test_nothing_is_pushed_along_what_is_loose_whoever_wrote_the_task(carrier: str, is_loose: bool) -> None:
+    objects = {
+        "table_0": {"category": "table", "model": "table_four_legs", "position": [0.9, 0.0]},
+        "book_0": {"category": "book", "model": "book_lying", "on": "table_0", "at": [-0.1, 0.2]},
+        "thing_0": {"category": "die", "on": carrier, "at": [0.0, -0.04]},
+        "other_0": {"category": "die", "on": carrier, "at": [0.0, 0.04]},
+    }
+    completed = complete_scene(
+        {"name": "push", "robot": {"position": [-0.6, 0.0], "name": LIFTED.name}, "objects": objects}
+    )
+    assert completed.scene is not None, completed.problems
+    rests, flow = bddl.parse_formula(f"(ontop thing_0 {carrier})"), tuple(map(oag.Action, PUSH))
+    where = Where("next to", "other_0")
+    subtask = SimpleTask("push_thing", "", "thing_0", carrier, carrier, rests, rests, flow, where=where)
+    task = oag.Task("push", "", rests, True, (subtask,), scene=completed.scene)
+    found = feasible(oag.compose(task, scene=completed.scene), completed.scene, 0, vary=False)
+    assert (f"{carrier} is loose" in found.reason) is is_loose
