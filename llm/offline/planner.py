@@ -149,9 +149,9 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
     names = grounding.names
     if not tokens:
         return refusal
-    # That the scene has no button or knob is no reason where it has one. "Push" is beyond for another reason.
+    # That the scene has no button or knob is no reason where it has one.
     known = VERBS if can_switch(grounding.around) else ()
-    strange = (token.text for token in tokens if token.text not in known or token.terminal == "PUSH")
+    strange = (token.text for token in tokens if _is_beyond(token, tokens, known))
     verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
@@ -164,6 +164,13 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
     elif verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
+
+
+def _is_beyond(verb: TaggedWord, tokens: Sequence[TaggedWord], known: Collection[str]) -> bool:
+    """Decide whether a verb may be the reason for a refusal: to push is an action wherever it has a spot."""
+    if verb.terminal != "PUSH":
+        return verb.text not in known
+    return is_too_long(tokens) or not any(command.kind == "push" for reading in read(tokens) for command in reading)
 
 
 def _interpreted(
