@@ -39,6 +39,7 @@ from llm.offline.subtasks import (
     is_possible,
     problem,
     scale_factors,
+    why_unfit,
 )
 from llm.offline.switching import VERBS, can_switch, with_switchings
 from llm.offline.words import TaggedWord, read_words
@@ -416,7 +417,7 @@ class OfflinePlanner:
         wanted = str(request)
         steps = decompose(request, around)
         lifted = tuple(step.target for step in steps if step.kind is not IntentKind.PUSH)
-        check_sizes(lifted, scene, self.sizing, query, wanted)
+        check_sizes(lifted, scene, self.sizing, query, wanted, _pushes_instead(request, around))
         subtasks = tuple(_subtask(step, around) for step in steps)
         detail = _narrative(request, steps, around)
         task = Task(
@@ -440,6 +441,14 @@ class OfflinePlanner:
             problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
             notes=(*understood.notes, *map(str, planned_resizings(task.scales, scene))),
         )
+
+
+def _pushes_instead(request: Request, around: Surroundings) -> tuple[str, ...]:
+    """Return the wishes to push what is to be put beside another thing, and is wider than the hand opens."""
+    beside = (i for i in request.intents if i.kind is IntentKind.PLACE and i.where is not None and i.where.other)
+    unfit = (i for i in beside if why_unfit(i.target, around.scene, around.sizing) is not None)
+    pushes = (replace(intent, kind=IntentKind.PUSH) for intent in unfit)
+    return tuple(str(push) for push in pushes if is_possible(push, around))
 
 
 def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:

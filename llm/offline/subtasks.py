@@ -426,7 +426,14 @@ def scale_factors(targets: Iterable[str], scene: Scene, sizing: Sizing) -> dict[
     return {target: sizing.factor(scene[target], gripper) for target in targets}
 
 
-def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str, understood: str) -> None:
+def check_sizes(
+    targets: Iterable[str],
+    scene: Scene,
+    sizing: Sizing,
+    query: str,
+    understood: str,
+    instead: Sequence[str] = (),
+) -> None:
     """Refuse targets that fit the gripper at no permitted scale.
 
     Args:
@@ -435,13 +442,14 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
         sizing: Rule for sizes.
         query: The query as given.
         understood: The understood request.
+        instead: Wishes that can be fulfilled instead.
 
     Raises:
         QueryError: Code "too-large"; the message states what would fit.
     """
     for target in dict.fromkeys(targets):
         if (why := why_unfit(target, scene, sizing)) is not None:
-            raise QueryError("too-large", query, why, understood=understood)
+            raise QueryError("too-large", query, why, understood=understood, suggestions=instead)
 
 
 def _of_size(request: Request, around: Surroundings) -> Refusal | None:

@@ -97,6 +97,24 @@ def test_other_pushes_are_refused_with_the_reason(query: str, code: str, reason:
     assert reason in caught.value.problem
 
 
+def test_what_is_too_wide_to_be_picked_up_and_put_there_may_be_pushed() -> None:
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("pick up the book and put it next to the cup", scene(), sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+    assert tuple(caught.value.suggestions) == ("push book_0 next to cup_0",)
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("pick up the book and put it next to the can", scene(), sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+    assert not caught.value.suggestions
+
+
+def test_what_is_too_wide_for_the_hand_is_not_pushed_along_what_is_loose() -> None:
+    place = scene("(ontop book_0 tray_0)", "(ontop cup_0 tray_0)", "(ontop tray_0 table_0)")
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("put the book next to the cup", place, sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+
+
 @pytest.mark.parametrize(
     ("facts", "reason"),
     [
