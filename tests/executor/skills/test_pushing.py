@@ -110,8 +110,8 @@ def test_nothing_is_pushed_along_what_is_loose_whoever_wrote_the_task(carrier: s
     objects = {
         "table_0": {"category": "table", "model": "table_four_legs", "position": [0.9, 0.0]},
         "book_0": {"category": "book", "model": "book_lying", "on": "table_0", "at": [-0.1, 0.2]},
-        "thing_0": {"category": "die", "on": carrier, "at": [0.0, -0.04]},
-        "other_0": {"category": "die", "on": carrier, "at": [0.0, 0.04]},
+        "thing_0": {"category": "die", "on": carrier, "at": [0.0, -0.035]},
+        "other_0": {"category": "die", "on": carrier, "at": [0.0, 0.035]},
     }
     completed = complete_scene(
         {"name": "push", "robot": {"position": [-0.6, 0.0], "name": LIFTED.name}, "objects": objects}
