@@ -55,6 +55,7 @@ PASSING_M = 0.01  # Of the thing from others on its way: it turns a little betwe
 SPEED = 0.3
 MOST_STROKES = 4  # A hollow thing is met later than its box.
 BACK_M = 0.02
+FOOT_OFF_M = 0.02  # Of the foot of what stands on a surface from its height: boards are ten times as far apart.
 _MOST_NAMED = 3
 
 
@@ -176,7 +177,7 @@ def _is_on(session: Session, support: str, end: Array, half: Array) -> bool:
         foot = (T_link_world @ np.array([end[0], end[1], end[2] - half[2], 1.0]))[:3]
         off = np.abs(foot - np.array(region.floor_m))
         spare = np.array(region.half_extents_m)[:2] - np.abs(T_link_world[:2, :2]) @ half[:2]
-        if region.kind == "surface" and (off[:2] <= spare).all() and off[2] < BACK_M:
+        if region.kind == "surface" and (off[:2] <= spare).all() and off[2] < FOOT_OFF_M:
             return True
     return False
 
@@ -250,7 +251,7 @@ class PushSearch:
         if not found:
             message = f"no straight push of at most {MOST_M:g} m along {support} brings {thing} {where}"
             return Failure(FailureKind.NO_PATH, message, (unplanned,))
-        message = f"the hand gets from nowhere behind {thing}, and on with it {where} ({len(found)} directions)"
+        message = f"the arm reaches no place behind {thing} from which it pushes it {where} ({len(found)} directions)"
         return Failure(FailureKind.UNREACHABLE, message, (unplanned,))
 
 
