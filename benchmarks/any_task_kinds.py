@@ -300,27 +300,40 @@ def drawn(first_seed: int, each: int, kinds: Sequence[str]) -> Iterator[tuple[in
                 yield seed, kind, asked, reason
 
 
-def show(results: Sequence[dict[str, Any]]) -> None:
-    """Print a table by kind and by number of subtasks, and the reasons of what was refused or failed."""
-    for kind in KINDS:
+def show(results: Sequence[dict[str, Any]], kinds: Sequence[str], each: int) -> None:
+    """Print a table by kind and by number of subtasks, and the reasons of what was refused or failed.
+
+    Args:
+        results: What became of each drawn wish.
+        kinds: The kinds that were drawn.
+        each: How many wishes of each kind with a proved plan were asked for.
+    """
+    for kind in kinds:
         own = [result for result in results if result["kind"] == kind]
-        proved = [result for result in own if "stage" in result]
-        if not proved:
-            continue
-        moved = [result for result in proved if result["stage"] == "physics"]
-        cpu_s = [result["cpu_s"] for result in proved]
-        print(
-            f"{kind}: {len(own)} drawn, {len(proved)} proved, {len(moved)} feasible, succeeded {_done(proved)}; "
-            f"CPU median {median(cpu_s):.1f} s, most {max(cpu_s):.1f} s"
-        )
-        unmet = [result for result in proved if result["ended"] != "succeeded"]
+        proved = [result for result in own if result["ended"] != "not-proved"]
+        lacking = f" ({each - len(proved)} fewer than asked for)" if len(proved) < each else ""
+        print(f"{kind}: {len(own)} drawn, {len(proved)} proved{lacking}{_outcome(proved)}")
+        unmet = [result for result in _run(proved) if result["ended"] != "succeeded"]
         for title, group in (("not proved", [result for result in own if result not in proved]), ("unmet", unmet)):
             codes = Counter(str(result["failure"]["kind"]) for result in group)
             if codes:
                 print(f"  {title}: {', '.join(f'{count} {code}' for code, count in codes.most_common())}")
-    proved = [result for result in results if "stage" in result]
-    for count in sorted({len(result["subtask_names"]) for result in proved}):
-        print(f"of {count} subtasks: {_done([r for r in proved if len(r['subtask_names']) == count])}")
+    ran = _run(results)
+    for count in sorted({len(result["subtask_names"]) for result in ran}):
+        print(f"of {count} subtasks: {_done([r for r in ran if len(r['subtask_names']) == count])}")
+
+
+def _run(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the results of wishes whose plans were gone through, not only proved."""
+    return [result for result in results if "stage" in result]
+
+
+def _outcome(proved: Sequence[dict[str, Any]]) -> str:
+    ran = _run(proved)
+    if not ran:
+        return ""
+    moved, cpu_s = sum(result["stage"] == "physics" for result in ran), [result["cpu_s"] for result in ran]
+    return f", {moved} feasible, succeeded {_done(ran)}; CPU median {median(cpu_s):.1f} s, most {max(cpu_s):.1f} s"
 
 
 def _done(results: Sequence[dict[str, Any]]) -> Rate:
@@ -353,7 +366,7 @@ def main() -> None:
         if options.results:
             with options.results.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(result, default=str) + "\n")
-    show(results)
+    show(results, options.kinds, options.each)
 
 
 if __name__ == "__main__":

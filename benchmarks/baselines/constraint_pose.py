@@ -43,11 +43,11 @@ from executor.skills.navigate import (
     leave,
     misfit,
     moves_after,
-    moves_before,
     next_of,
     regions_for,
     support_of,
 )
+from executor.skills.navigate_to_support import moves_before
 from executor.skills.session import Session, StepResult
 from oag import Action, Primitive
 from oag.measurements import JointMotion, SupportDrive

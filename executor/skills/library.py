@@ -17,7 +17,8 @@ from executor.planning.planner import EEF_DIRECTIONS, MOVES, TURN_SIGNS, move_pa
 from executor.records import Failure, FailureKind
 from executor.skills.articulate import articulate
 from executor.skills.grasp import approach, converge, grasp, ungrasp
-from executor.skills.navigate import navigate_to_support, navigate_to_target, retreat
+from executor.skills.navigate import navigate_to_target, retreat
+from executor.skills.navigate_to_support import navigate_to_support
 from executor.skills.push import push, pushes
 from executor.skills.session import Session, StepResult
 from executor.skills.switch import press, turn

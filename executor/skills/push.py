@@ -9,13 +9,13 @@ for the thing, and its end on the surface.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
-from executor.assets.asset_geometry import bounds
+from executor.assets.asset_geometry import bounds, rolls_freely
 from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform, wrap_angle
 from executor.planning.cargo import HELD, cargo_of, carried_by, touching_any
 from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
@@ -55,6 +55,7 @@ PASSING_M = 0.01  # Of the thing from others on its way: it turns a little betwe
 SPEED = 0.3
 MOST_STROKES = 4  # A hollow thing is met later than its box.
 BACK_M = 0.02
+FOOT_OFF_M = 0.02  # Of the foot of what stands on a surface from its height: boards are ten times as far apart.
 _MOST_NAMED = 3
 
 
@@ -85,12 +86,26 @@ def pushes(subtask: SimpleTask) -> bool:
     return beside and Primitive.APPROACH in primitives and Primitive.GRASP not in primitives
 
 
-def strokes(session: Session) -> list[Stroke]:
-    """Return the pushes that end at the named side of the other thing with all of the thing on its surface."""
+def unpushable(session: Session) -> str | None:
+    """Return why a thing is not pushed wherever the hand goes; None where it may be."""
+    world, support = session.believed, session.subtask.support_goal
+    if rolls_freely(world.assets[session.subtask.target]):
+        return "it rolls, and does not stay where the hand leaves it"
+    if support in world.dynamic_ids:
+        return f"{support} is loose, and would go along with what is pushed on it"
+    return None
+
+
+def push_search(session: Session) -> PushSearch:
+    """Return the search among the pushes that end at the named side of the other thing, whole on its surface.
+
+    Items that bar a push are counted as met, so that they can be named and moved aside.
+    """
     world, subtask = session.believed, session.subtask
     where, support = subtask.where, subtask.support_goal
-    if where is None or support is None:
-        return []
+    search = PushSearch(session, [])
+    if where is None or support is None or unpushable(session) is not None:
+        return search
     (at, half), (other, room) = (box_around(world, name) for name in (subtask.target, where.other))
     yaw_rad, found = world.scene.robot.yaw_rad, list[tuple[float, Stroke]]()
     for angle in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
@@ -104,24 +119,28 @@ def strokes(session: Session) -> list[Stroke]:
             askew_rad = _askew_rad(session, stroke)
             if askew_rad <= ASKEW_RAD:
                 found.append((distance_m + ASKEW_M_PER_RAD * askew_rad, stroke))
-    chosen = list[Stroke]()
     for _, stroke in sorted(found, key=lambda each: each[0]):
-        is_other = all(_turn_rad(stroke.heading_rad, one.heading_rad) > OTHER_RAD for one in chosen)
-        if is_other and len(chosen) < MOST_STROKES_TRIED and _passed_by(session, stroke, half):
-            chosen.append(stroke)
-    return chosen
+        if len(search.strokes) == MOST_STROKES_TRIED:
+            break
+        if all(_turn_rad(stroke.heading_rad, one.heading_rad) > OTHER_RAD for one in search.strokes):
+            barring = _barring(session, stroke, half)
+            search.met.update(f"{subtask.target} and {name}" for name in barring)
+            if not barring:
+                search.strokes.append(stroke)
+    return search
 
 
 def _turn_rad(one: float, other: float) -> float:
     return abs(wrap_angle(one - other))
 
 
-def _passed_by(session: Session, stroke: Stroke, half: Array) -> bool:
-    """Return whether a thing's box goes past those of all other items, which no search of a stance changes."""
+def _barring(session: Session, stroke: Stroke, half: Array) -> list[str]:
+    """Return the items whose boxes a thing's own does not go past, which no search of a stance changes."""
     world, thing = session.believed, session.subtask.target
     left_m = np.linspace(stroke.distance_m, 0.0, int(stroke.distance_m / STEP_M) + 2)
     way = stroke.end - left_m[:, None] * stroke.direction
     beneath_m = way[0, 2] - half[2] + STEP_M
+    found = []
     for name in world.dynamic_ids:
         middle, room = box_around(world, name)
         if name == thing or middle[2] + room[2] < beneath_m or name in cargo_of(world, thing):
@@ -129,8 +148,8 @@ def _passed_by(session: Session, stroke: Stroke, half: Array) -> bool:
         gaps_m = np.linalg.norm(np.maximum(np.abs(way - middle) - half - room, 0.0), axis=1)
         # What stands closer at first is left; it comes no closer.
         if gaps_m.min() < min(PASSING_M, gaps_m[0]):
-            return False
-    return True
+            found.append(name)
+    return found
 
 
 def _askew_rad(session: Session, stroke: Stroke) -> float:
@@ -158,7 +177,7 @@ def _is_on(session: Session, support: str, end: Array, half: Array) -> bool:
         foot = (T_link_world @ np.array([end[0], end[1], end[2] - half[2], 1.0]))[:3]
         off = np.abs(foot - np.array(region.floor_m))
         spare = np.array(region.half_extents_m)[:2] - np.abs(T_link_world[:2, :2]) @ half[:2]
-        if region.kind == "surface" and (off[:2] <= spare).all() and off[2] < BACK_M:
+        if region.kind == "surface" and (off[:2] <= spare).all() and off[2] < FOOT_OFF_M:
             return True
     return False
 
@@ -174,7 +193,7 @@ class PushSearch:
     """
 
     session: Session
-    strokes: Sequence[Stroke]
+    strokes: list[Stroke]
     met: Counter[str] = field(default_factory=Counter)
 
     def stances(self) -> Iterator[Stance[Stroke]]:
@@ -218,14 +237,21 @@ class PushSearch:
         """Return why no stance was found."""
         subtask, found = self.session.subtask, self.strokes
         where, thing, support = subtask.where, subtask.target, subtask.support_goal
-        named = tuple(name for name, _ in self.met.most_common(_MOST_NAMED))
-        unplanned = Unplanned(target=thing, support=support, in_the_way=named or None)
+        named = [name for name, _ in self.met.most_common()]
+        if (reason := unpushable(self.session)) is not None:
+            unplanned = Unplanned(target=thing, support=support)
+            return Failure(FailureKind.PRECONDITION, f"{thing} is not pushed {where}: {reason}", (unplanned,))
+        # The thing that the spot is beside stays: somewhere else it would be another spot.
+        other = "" if where is None else str(where.other)
+        movable = tuple(name for name in named if other not in (part.partition("/")[0] for part in name.split()))
+        unplanned = Unplanned(target=thing, support=support, in_the_way=movable[:_MOST_NAMED] or None)
+        if named:
+            met = (movable or named)[0]
+            return Failure(FailureKind.NO_PATH, f"no way to push {thing} {where}: {met} meet", (unplanned,))
         if not found:
             message = f"no straight push of at most {MOST_M:g} m along {support} brings {thing} {where}"
             return Failure(FailureKind.NO_PATH, message, (unplanned,))
-        if named:
-            return Failure(FailureKind.NO_PATH, f"no way to push {thing} {where}: {named[0]} meet", (unplanned,))
-        message = f"the hand gets from nowhere behind {thing}, and on with it {where} ({len(found)} directions)"
+        message = f"the arm reaches no place behind {thing} from which it pushes it {where} ({len(found)} directions)"
         return Failure(FailureKind.UNREACHABLE, message, (unplanned,))
 
 
@@ -300,7 +326,8 @@ def press_on(session: Session, stroke: Stroke, amount_m: float, *, most_strokes:
     failure, hand_m, thing_m = None, amount_m, max(amount_m - BEHIND_M, 0.0)
     for _ in range(most_strokes):
         failure = _stroke(session, stroke, hand_m, thing_m)
-        if failure is None and float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE:
+        turned = float(up @ session.world.T_world_link(thing)[:3, 2]) < TIPPED_COSINE
+        if failure is None and turned and not rolls_freely(session.world.assets[thing]):
             failure = Failure(FailureKind.SIDE_EFFECT, f"{thing} tips over", (SideEffect(thing, 0.0, True),))
         hand_m = thing_m = float((stroke.end - box_around(session.world, thing)[0]) @ stroke.direction)
         if failure is not None or hand_m < STEP_M:

@@ -18,6 +18,7 @@ from llm.offline.intents import (
     Refusal,
     Relation,
     Request,
+    Support,
     Surroundings,
     carries_past_doors,
     enumeration,
@@ -32,6 +33,7 @@ from llm.offline.referring import Referring
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, why_unfit, with_a_free_hand
 from llm.offline.switching import switchings
 from llm.offline.words import Direction
+from oag.model.symbols import Kind
 from oag.model.where import Where
 
 _IN_OR_ON: Mapping[Relation, str] = {"inside": "in", "ontop": "on"}
@@ -260,12 +262,16 @@ class _IntentBuilder(Referring):
         intents = []
         for intent in placings(ids, host.relation, host.object_id, spot):
             pushed = command.kind == "push"
-            if not pushed and host.relation == "ontop" and host in around.supports(intent.target):
+            if not pushed and self._is_firm(host) and host in around.supports(intent.target):
                 pushed = why_unfit(intent.target, around.scene, around.sizing) is not None
                 if pushed:
                     self.notes.append(f"{intent.target} is too wide for the hand, and is pushed there")
             intents.append(replace(intent, kind=IntentKind.PUSH) if pushed else intent)
         return tuple(intents)
+
+    def _is_firm(self, host: Support) -> bool:
+        """Decide whether something can be pushed along where things are: on top of what is not loose itself."""
+        return host.relation == "ontop" and self.grounding.around.scene.objects[host.object_id].kind is not Kind.ITEM
 
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
         """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""

@@ -40,6 +40,7 @@ from llm.offline.subtasks import (
     is_possible,
     problem,
     scale_factors,
+    why_unfit,
 )
 from llm.offline.switching import VERBS, can_switch, with_switchings
 from llm.offline.words import TaggedWord, read_words
@@ -153,15 +154,22 @@ def _beyond(tokens: Sequence[TaggedWord], grounding: Grounding, refusal: Refusal
     names = grounding.names
     if not tokens:
         return refusal
-    # That the scene has no button or knob is no reason where it has one. "Push" is beyond for another reason.
+    # That the scene has no button or knob is no reason where it has one.
     known = VERBS if can_switch(grounding.around) else ()
-    strange = (token.text for token in tokens if token.text not in known or token.terminal == "PUSH")
+    strange = (token.text for token in tokens if _is_beyond(token, tokens, known))
     verb = next((text for text in strange if text in names.lexicon.beyond), None)
     if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
     if verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
     return refusal
+
+
+def _is_beyond(verb: TaggedWord, tokens: Sequence[TaggedWord], known: Collection[str]) -> bool:
+    """Decide whether a verb may be the reason for a refusal: to push is an action wherever it has a spot."""
+    if verb.terminal != "PUSH":
+        return verb.text not in known
+    return is_too_long(tokens) or not any(command.kind == "push" for reading in read(tokens) for command in reading)
 
 
 def _interpreted(
@@ -407,7 +415,7 @@ class OfflinePlanner:
         wanted = str(request)
         steps = decompose(request, around)
         lifted = tuple(step.target for step in steps if step.kind is not IntentKind.PUSH)
-        check_sizes(lifted, scene, self.sizing, query, wanted)
+        check_sizes(lifted, scene, self.sizing, query, wanted, _pushes_instead(request, around))
         subtasks = tuple(_subtask(step, around) for step in steps)
         detail = _narrative(request, steps, around)
         task = Task(
@@ -431,6 +439,14 @@ class OfflinePlanner:
             problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
             notes=(*understood.notes, *map(str, planned_resizings(task.scales, scene))),
         )
+
+
+def _pushes_instead(request: Request, around: Surroundings) -> tuple[str, ...]:
+    """Return the wishes to push what is to be put beside another thing, and is wider than the hand opens."""
+    beside = (i for i in request.intents if i.kind is IntentKind.PLACE and i.where is not None and i.where.other)
+    unfit = (i for i in beside if why_unfit(i.target, around.scene, around.sizing) is not None)
+    pushes = (replace(intent, kind=IntentKind.PUSH) for intent in unfit)
+    return tuple(str(push) for push in pushes if is_possible(push, around))
 
 
 def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:

@@ -18,7 +18,7 @@ from llm.errors import QueryError
 from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
 from oag import Action, Primitive, Scene, flows
 from oag.model.actions import ActionFlow
-from oag.model.symbols import GRIPPER
+from oag.model.symbols import GRIPPER, Kind
 from oag.model.where import Where
 from oag.sizes import Gripper, Sizing, graspable_items, has_finger_room
 
@@ -167,11 +167,23 @@ def _check_pushed(intent: Intent, around: Surroundings) -> None:
     target, where = intent.target, intent.where
     if where is None or where.other == target:
         raise Refusal("affordance", f"{target} cannot be pushed {where or 'nowhere'}")
-    if Support("ontop", str(intent.destination)) not in around.supports(target):
-        problem = f"{target} can be pushed along {around.support(target)} only, where {where.other} is not"
-        raise Refusal("unsupported-relation", problem, scene=list(map(around.described, (target, where.other))))
+    if target in around.held():
+        raise Refusal("hand-full", f"{target} is in the hand; what is pushed stands on something")
     if cargo := around.cargo(target):
         raise Refusal("unsupported-relation", f"{target} carries {enumeration(cargo)}, and is not pushed with it")
+    along = Support("ontop", str(intent.destination))
+    start = along if along in around.supports(target) else around.support(target)
+    if start is None:
+        raise ValueError(f"a wish to push {target} needs what it stands on")
+    if start.relation == "inside":
+        problem = f"{target} is {start}; only what stands on top of something is pushed"
+    elif around.scene.objects[start.object_id].kind is Kind.ITEM:
+        problem = f"{target} is {start}, which is loose and would go along with what is pushed on it"
+    elif start != along:
+        problem = f"{target} is {start}, and {where.other} is not; a thing is pushed along what both stand on"
+    else:
+        return
+    raise Refusal("unsupported-relation", problem, scene=list(map(around.described, (target, str(where.other)))))
 
 
 def _goes_in(item: str, container: str, around: Surroundings) -> bool:
@@ -440,7 +452,14 @@ def scale_factors(targets: Iterable[str], scene: Scene, sizing: Sizing) -> dict[
     return {target: sizing.factor(scene[target], gripper) for target in targets}
 
 
-def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str, understood: str) -> None:
+def check_sizes(
+    targets: Iterable[str],
+    scene: Scene,
+    sizing: Sizing,
+    query: str,
+    understood: str,
+    instead: Sequence[str] = (),
+) -> None:
     """Refuse targets that fit the gripper at no permitted scale.
 
     Args:
@@ -449,13 +468,14 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
         sizing: Rule for sizes.
         query: The query as given.
         understood: The understood request.
+        instead: Wishes that can be fulfilled instead.
 
     Raises:
         QueryError: Code "too-large"; the message states what would fit.
     """
     for target in dict.fromkeys(targets):
         if (why := why_unfit(target, scene, sizing)) is not None:
-            raise QueryError("too-large", query, why, understood=understood)
+            raise QueryError("too-large", query, why, understood=understood, suggestions=instead)
 
 
 def _of_size(request: Request, around: Surroundings) -> Refusal | None:

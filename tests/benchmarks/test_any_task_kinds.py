@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.any_task_kinds import HIGH_M, KINDS, Asked, Home
+from benchmarks.any_task_kinds import HIGH_M, KINDS, Asked, Home, show
 from executor.scenes.changes import place_of
 from executor.scenes.generators import any_task
 
@@ -50,3 +50,28 @@ def test_what_blocks_is_put_there_and_the_scene_holds(homes: list[Home]) -> None
         near = [key for key in home.items if asked.scene[key].position != home.scene[key].position]
         assert moved or near
         assert asked.scene.objects.keys() == home.scene.objects.keys()
+
+
+def test_the_table_has_kinds_that_lack_proofs_and_wishes_that_were_only_proved(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    refused = {"kind": "stack", "ended": "not-proved", "failure": {"kind": "misread", "message": ""}}
+    failed = {"kind": "high", "ended": "infeasible", "stage": "feasibility", "cpu_s": 2.0, "subtask_names": ["a", "b"]}
+    results = [
+        refused,
+        {"kind": "next-to", "ended": "proved"},
+        {**failed, "failure": {"kind": "no-path", "message": ""}},
+        {**failed, "ended": "succeeded", "stage": "physics", "failure": None},
+    ]
+    show(results, ("high", "next-to", "stack", "blocked"), 2)
+    table = capsys.readouterr().out.splitlines()
+    assert table[0].startswith("high: 2 drawn, 2 proved, 1 feasible, succeeded 1 of 2")
+    assert table[1:] == [
+        "  unmet: 1 no-path",
+        "next-to: 1 drawn, 1 proved (1 fewer than asked for)",
+        "stack: 1 drawn, 0 proved (2 fewer than asked for)",
+        "  not proved: 1 misread",
+        "blocked: 0 drawn, 0 proved (2 fewer than asked for)",
+        table[-1],
+    ]
+    assert table[-1].startswith("of 2 subtasks: 1 of 2")

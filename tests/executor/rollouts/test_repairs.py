@@ -23,7 +23,7 @@ from executor.rollouts.repairs import (
     repairs,
 )
 from executor.scenes.library import load
-from executor.skills.navigate import NOMINAL
+from executor.skills.navigate_to_support import NOMINAL
 from oag import Scene, SceneObject
 from oag.measurements import JointMotion, Measurement, SupportDrive, TargetDrive, Unplanned
 

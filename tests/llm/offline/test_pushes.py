@@ -22,6 +22,7 @@ def scene(*facts: str, gripper_facts: str = "") -> oag.Scene:
         "cup_0": {"category": "cup", **narrow},
         "can_0": {"category": "can", **narrow},
         "die_0": {"category": "die", **narrow},
+        "tray_0": {"category": "tray", "position": [1.0, 0.0, 0.8], "bbox_extent": [0.5, 0.8, 0.02]},
     }
     known = facts or ("(ontop book_0 table_0)", "(ontop cup_0 table_0)", "(ontop can_0 shelf_0)")
     data = {"name": "desk", "objects": things, "facts": [*known, gripper_facts] if gripper_facts else list(known)}
@@ -77,11 +78,14 @@ def test_what_stands_elsewhere_and_is_too_wide_is_still_refused() -> None:
 @pytest.mark.parametrize(
     ("query", "code", "reason"),
     [
-        ("push the book next to the can", "unsupported-relation", "along on table_0 only"),
+        ("push the book next to the can", "unsupported-relation", "along what both stand on"),
         ("push the book into the cup", "unsupported-relation", "beside another one"),
         ("push the book against the cup", "unsupported-relation", "beside another one"),
         ("push the book next to the book", "affordance", "cannot be pushed"),
         ("push the table next to the cup", "affordance", "fixture"),
+        ("push the chair next to the cup", "unknown-object", 'called "chair"'),
+        ("nudge the book next to the fork", "unknown-object", 'called "fork"'),
+        ("push the chair aside", "unknown-action", "nothing here pushes"),
         ("push the book aside", "unknown-action", "nothing here pushes"),
         ("push the book to the left", "unknown-action", "nothing here pushes"),
     ],
@@ -91,6 +95,49 @@ def test_other_pushes_are_refused_with_the_reason(query: str, code: str, reason:
         llm.propose(query, scene(), sizing=Sizing(keep=True))
     assert caught.value.code == code
     assert reason in caught.value.problem
+
+
+def test_what_is_too_wide_to_be_picked_up_and_put_there_may_be_pushed() -> None:
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("pick up the book and put it next to the cup", scene(), sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+    assert tuple(caught.value.suggestions) == ("push book_0 next to cup_0",)
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("pick up the book and put it next to the can", scene(), sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+    assert not caught.value.suggestions
+
+
+def test_what_is_too_wide_for_the_hand_is_not_pushed_along_what_is_loose() -> None:
+    place = scene("(ontop book_0 tray_0)", "(ontop cup_0 tray_0)", "(ontop tray_0 table_0)")
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("put the book next to the cup", place, sizing=Sizing(keep=True))
+    assert caught.value.code == "too-large"
+
+
+@pytest.mark.parametrize(
+    ("facts", "reason"),
+    [
+        (("(inside book_0 shelf_0)", "(inside cup_0 shelf_0)"), "book_0 is in shelf_0; only what stands on top"),
+        (("(inside book_0 shelf_0)", "(ontop cup_0 table_0)"), "book_0 is in shelf_0; only what stands on top"),
+        (("(inside book_0 gripper)", "(ontop cup_0 table_0)"), "book_0 is in the hand"),
+        (("(ontop book_0 tray_0)", "(ontop cup_0 tray_0)"), "book_0 is on tray_0, which is loose"),
+        (("(ontop book_0 tray_0)", "(ontop cup_0 table_0)"), "book_0 is on tray_0, which is loose"),
+        (("(ontop book_0 table_0)", "(ontop cup_0 tray_0)"), "book_0 is on table_0, and cup_0 is not"),
+        (("(ontop book_0 table_0)", "(ontop cup_0 book_0)"), "book_0 carries cup_0"),
+        (("(ontop book_0 table_0)", "(ontop cup_0 shelf_0)"), "book_0 is on table_0, and cup_0 is not"),
+    ],
+)
+def test_where_things_stand_is_said_as_it_is(facts: tuple[str, ...], reason: str) -> None:
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("push the book next to the cup", scene(*facts, "(ontop tray_0 table_0)"), sizing=Sizing(keep=True))
+    assert reason in caught.value.problem
+
+
+def test_what_is_on_what_it_would_be_pushed_beside_stands_on_a_loose_thing() -> None:
+    place = scene("(ontop cup_0 tray_0)", "(ontop tray_0 table_0)")
+    with pytest.raises(llm.QueryError, match="cup_0 is on tray_0, which is loose"):
+        llm.propose("push the cup next to the tray", place, sizing=Sizing(keep=True))
 
 
 def test_what_carries_something_and_what_a_full_hand_would_push_is_refused() -> None:
