@@ -90,20 +90,19 @@ def resting_top(asset: Asset) -> Region | None:
     link, square = asset.links[0], math.sqrt(0.5)
     if asset.rim is not None:
         x, y, level = asset.rim.center_m
-        half = (square * asset.rim.radius_m,) * 2
+        half_x = half_y = square * asset.rim.radius_m
     else:
-        high = asset.extent_m[2] / 2
-        tops = [shape for shape in link.shapes if shape.collides and _is_flat_at(shape, high)]
+        level = asset.extent_m[2] / 2
+        tops = [shape for shape in link.shapes if shape.collides and _is_flat_at(shape, level)]
         if len(tops) != 1:
             return None
-        (shape,) = tops
-        (x, y, _), level = shape.position_m, high
-        half = shape.size_m[:2] if shape.kind == "box" else (square * shape.size_m[0],) * 2
-        width_m = 2 * (min(half) if shape.kind == "box" else shape.size_m[0])
-        if width_m < max(LEAST_TOP_M, LEAST_TOP_SHARE * min(asset.extent_m[:2])):
+        x, y, _ = tops[0].position_m
+        is_box, size = tops[0].kind == "box", tops[0].size_m
+        if 2 * min(size[:2] if is_box else size[:1]) < max(LEAST_TOP_M, LEAST_TOP_SHARE * min(asset.extent_m[:2])):
             return None
+        half_x, half_y = (size[0], size[1]) if is_box else (square * size[0], square * size[0])
     middle = (x, y, level + _TOP_ROOM_M / 2)
-    return Region("top", "surface", link.name, middle, (*half, _TOP_ROOM_M / 2), (0.0, 0.0, 1.0))
+    return Region("top", "surface", link.name, middle, (half_x, half_y, _TOP_ROOM_M / 2), (0.0, 0.0, 1.0))
 
 
 def _is_flat_at(shape: Shape, level_m: float) -> bool:
