@@ -32,6 +32,7 @@ def scene() -> Scene:
         "can_0": ("can", (0.061, 0.061, 0.12)),
         "die_0": ("die", (0.04, 0.04, 0.04)),
         "bottle_0": ("bottle", (0.06, 0.06, 0.2)),
+        "medicine_0": ("medicine_bottle", (0.05, 0.05, 0.09)),
         "teddy_bear_0": ("teddy_bear", (0.15, 0.18, 0.24)),
     }
     things = {key: _thing(kind, size, 0.3 * n) for n, (key, (kind, size)) in enumerate(sizes.items())}
@@ -53,6 +54,7 @@ def scene() -> Scene:
         ("stack the cup on the can", ("cup_0", "can_0")),
         ("put die_0 onto the can", ("die_0", "can_0")),
         ("put the can on top of die_0", ("can_0", "die_0")),
+        ("put die_0 on top of the medicine", ("die_0", "medicine_0")),
     ],
 )
 def test_what_is_wide_enough_is_put_onto_a_rim_and_anything_onto_a_flat_top(
@@ -70,7 +72,7 @@ def test_what_is_wide_enough_is_put_onto_a_rim_and_anything_onto_a_flat_top(
         ("put the plum onto small_die_0", "the top of small_die_0 is 2.0 cm wide"),
         ("put die_0 onto the apple", "apple_0 (apple) has no surface to put something onto"),
         ("put the apple onto the teddy", "teddy_bear_0 (teddy_bear) has no surface to put something onto"),
-        ("put the apple onto the bottle", "bottle_0 (bottle) has no surface to put something onto"),
+        ("put the apple onto bottle_0", "bottle_0 (bottle) has no surface to put something onto"),
         ("put the carton onto the mug", "mug_0 (mug) has no surface to put something onto"),
     ],
 )
