@@ -120,6 +120,12 @@ def has_finger_room(thing: SceneObject, vessel: SceneObject, factor: float) -> b
     return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
 
 
+LEAST_TOP_M = 0.03
+"""Least width of a flat top onto which things are put: what stands on less falls off with a hand's usual errors."""
+
+LEAST_ACROSS = 0.5
+"""Least width of what lies across a rim, as a share of the vessel's: a narrower thing tips into the mouth."""
+
 TO_THE_AIM = Sizing()
 """Scale objects that are too wide to the paper's aim."""
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.model import IDENTITY, Asset, Handle, Joint, Quaternion, Region, Rim, Shape, Vector
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.system.extras import require
+from oag.sizes import LEAST_TOP_M
 
 _Part = TypeVar("_Part", Asset, Shape, Joint, Handle, Region, Rim)
 _AROUND = 24  # Points for something round: what they span is narrower by one per cent at the most.
@@ -70,6 +71,56 @@ def stands_by_nature(asset: Asset) -> bool:
     """
     is_hollow = any(region.kind == "interior" and region.opening[2] > 0.5 for region in asset.regions)
     return not rolls_freely(asset) and (asset.symmetric_about_z or is_tall(asset) or is_hollow)
+
+
+LEAST_TOP_SHARE = 0.5
+"""Of an item's width: a flat top of at least this share bears things, and a bottle's cap does not."""
+
+_TOP_ROOM_M = 0.40  # As high as what is put on it may be.
+
+
+def resting_top(asset: Asset) -> Region | None:
+    """Return where things rest on an upright item that has no surface of its own; None where nothing does.
+
+    They rest on its rim, as far as that is known, or on the flat top of a cylinder or a box. The region is the square
+    within the circle of either.
+    """
+    if asset.motion != "dynamic" or any(region.kind == "surface" for region in asset.regions):
+        return None
+    link, square = asset.links[0], math.sqrt(0.5)
+    if asset.rim is not None:
+        x, y, level = asset.rim.center_m
+        half_x = half_y = square * asset.rim.radius_m
+    else:
+        level = asset.extent_m[2] / 2
+        tops = [shape for shape in link.shapes if shape.collides and _is_flat_at(shape, level)]
+        if len(tops) != 1:
+            return None
+        x, y, _ = tops[0].position_m
+        is_box, size = tops[0].kind == "box", tops[0].size_m
+        if 2 * min(size[:2] if is_box else size[:1]) < max(LEAST_TOP_M, LEAST_TOP_SHARE * min(asset.extent_m[:2])):
+            return None
+        half_x, half_y = (size[0], size[1]) if is_box else (square * size[0], square * size[0])
+    middle = (x, y, level + _TOP_ROOM_M / 2)
+    return Region("top", "surface", link.name, middle, (half_x, half_y, _TOP_ROOM_M / 2), (0.0, 0.0, 1.0))
+
+
+def _is_flat_at(shape: Shape, level_m: float) -> bool:
+    """Return whether an upright cylinder or box ends at a height."""
+    if shape.kind not in ("box", "cylinder") or shape.orientation != IDENTITY:
+        return False
+    return math.isclose(shape.position_m[2] + shape.size_m[-1], level_m, abs_tol=1e-4)
+
+
+def hang_m(ball: Asset, support: Asset) -> float:
+    """Return by how much a ball on a support's rim is lower than the rim: the part of it that hangs into the mouth.
+
+    It is 0 for all that is no ball, and for a ball that goes through.
+    """
+    if support.rim is None or resting_top(support) is None or not rolls_freely(ball):
+        return 0.0
+    radius_m, mouth_m = ball.extent_m[2] / 2, support.rim.radius_m - support.rim.thickness_m / 2
+    return radius_m - math.sqrt(radius_m**2 - mouth_m**2) if mouth_m < radius_m else 0.0
 
 
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:

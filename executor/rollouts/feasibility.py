@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from bddl import Atom, atoms
+from executor.assets.asset_geometry import resting_top
 from executor.geometry import Array, inverse, transform
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
@@ -469,13 +470,20 @@ class DryRun:
     def _landing(self, subtask: SimpleTask) -> Callable[[Array], bool] | None:
         """Return a test of where (4, 4) a thing is let go of over a bowl or box: whether all that belongs there stays.
 
-        It is asked by the same detectors as the goal. None for a subtask that puts nothing into such a thing.
+        The same is asked of a thing on a rim, or on the top of a can. It is asked by the same detectors as the goal.
+        None for a subtask that puts nothing into or onto such a thing.
         """
         world, item, vessel = self._world, subtask.target, subtask.support_goal
-        if vessel not in world.dynamic_ids or Atom("inside", (item, vessel)) not in atoms(subtask.goal):
+        if vessel is None or vessel not in world.dynamic_ids:
+            return None
+        crowned = resting_top(world.assets[vessel]) is not None
+        relations = ("inside", "ontop") if crowned else ("inside",)
+        goals = [Atom(relation, (item, vessel)) for relation in relations]
+        goal = next((atom for atom in goals if atom in atoms(subtask.goal)), None)
+        if goal is None:
             return None
         known = (Atom("inside", (name, vessel)) for name in world.dynamic_ids if name not in (item, vessel))
-        wanted = (Atom("inside", (item, vessel)), *(atom for atom in known if judge(atom, world)[0].satisfied))
+        wanted = (goal, *(atom for atom in known if judge(atom, world)[0].satisfied))
 
         def lands(T_world_item: Array) -> bool:
             return all(lands_from(transform(np.eye(3), np.array(off_m)) @ T_world_item) for off_m in OFF_M)
@@ -485,7 +493,9 @@ class DryRun:
             released = {name: moved @ world.T_world_link(name) for name in world.along}
             with at_rest_within(world, released, vessel) as rested:
                 first, *others = (judge(atom, rested)[0] for atom in wanted)
-                leans_deg, depth_m = first.measurements.tilted_deg or 0.0, first.measurements.centre_depth_m or 0.0
+                measured = first.measurements
+                within_m = -(measured.centre_beyond_edge_m or 0.0)
+                leans_deg, depth_m = measured.tilted_deg or 0.0, measured.centre_depth_m or within_m
                 surely = leans_deg <= LEANS_DEG - SPARE_DEG and depth_m >= SPARE_M
                 return surely and all(reading.satisfied for reading in (first, *others))
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from bddl import Atom, literals, near_names
 from bddl.errors import Scene2DemoError
-from executor.assets.asset_geometry import bounds, rolls_freely, stands_by_nature
+from executor.assets.asset_geometry import bounds, hang_m, rolls_freely, stands_by_nature
 from executor.assets.footprint import parts_gap_m, solid_parts
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
@@ -212,6 +212,8 @@ def _ontop(world: World, object_id: str, support: str) -> AtomReading:
         return AtomReading(None, AtomMeasured(reason="only objects are looked for on supports"))
     touching = (GROUND if support == FLOOR else support) in touching_bodies(world, object_id)
     measured = [_above(world, object_id, support, *surface) for surface in _surfaces(world, support)]
+    hanging = 0.0 if support == FLOOR else hang_m(world.assets[object_id], world.assets[support])
+    measured = [(height + hanging, outside) for height, outside in measured]
     height, outside = max(measured, key=lambda pair: (pair[1] <= 0.0, -abs(pair[0])))
     value = touching and -_SINK_M <= height <= _RISE_M and outside <= 0.0
     beyond_m = None if support == FLOOR else outside  # The floor has no edge.

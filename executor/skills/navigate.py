@@ -7,6 +7,7 @@ Numbers that the flow gives are kept, open ones are chosen here.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
@@ -14,6 +15,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from bddl import atoms
+from executor.assets.asset_geometry import resting_top
 from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, wrap_angle
 from executor.planning.articulation import ArticulationTask
@@ -53,6 +55,7 @@ from executor.skills.way_out import WayOut, is_out, pulled_rad
 from executor.system.effort import Obstructed
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import RetreatMeasured, TargetDrive, TooWide, Unplanned
+from oag.model.scene import UPRIGHT_DEG
 from oag.sizes import Gripper
 
 CANDIDATES = 6
@@ -95,12 +98,16 @@ def support_of(subtask: SimpleTask) -> str:
 def regions_for(world: World, subtask: SimpleTask) -> list[Region]:
     """Return the support's regions that the goal is about: interiors for `inside`, else surfaces.
 
-    Interiors behind shut doors are left out while another one stands open: no hand gets into them.
+    An upright cup or can without a surface has its rim or its flat top. Interiors behind shut doors are left out while
+    another one stands open: no hand gets into them.
     """
     support = support_of(subtask)
     inside = any(a.predicate == "inside" and support in a.args[1:] for a in atoms(subtask.goal))
     kind = "interior" if inside else "surface"
     regions = [region for region in world.assets[support].regions if region.kind == kind]
+    stands = world.T_world_link(support)[2, 2] >= math.cos(math.radians(UPRIGHT_DEG))
+    top = None if inside or not stands else resting_top(world.assets[support])
+    regions = regions if top is None else [top]
     where = subtask.where
     if where is not None and where.part:
         return regions_of(world, support, regions, where)

@@ -283,6 +283,10 @@ CONTROLS: Mapping[str, ControlPart | Literal[""]] = MappingProxyType(
 )
 """What they are called -> which of them that is; "" for either."""
 
+# What an item without a surface bears things on, where sizes allow it.
+Crown = Literal["flat", "rim"]
+CROWNS: tuple[Crown, ...] = get_args(Crown)
+
 # Kinds of closures of an opening.
 Front = Literal["door", "drawer"]
 FRONTS: tuple[Front, ...] = get_args(Front)
@@ -296,6 +300,7 @@ class Affordances:
         interior, surface, door: Whether things go into it, and onto it, and whether it is opened and closed.
         top: Whether it carries things all the same, where a sentence says so: "to the oven" is into it.
         fronts: Its doors or drawers, as far as known.
+        crown: What bears things on it although it has no surface: the flat top of a can, the rim of a cup.
     """
 
     interior: bool = False
@@ -303,6 +308,7 @@ class Affordances:
     door: bool = False
     top: bool = False
     fronts: frozenset[Front] = frozenset()
+    crown: Crown | None = None
 
     def opens_by(self, front: Front) -> bool:
         """Decide whether opening the object can be called opening a door, or a drawer.
@@ -359,6 +365,7 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
         door=base.door or "open" in shown,
         top=base.top,
         fronts=base.fronts | fronts_in(thing.category) | fronts_in(thing.model.rsplit("/", 1)[-1]),
+        crown=base.crown,
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from bddl.files import read_bounded_text
 from llm.errors import LlmError
-from llm.offline.intents import FRONTS, PREPOSITION, Affordances, Relation, fronts_in
+from llm.offline.intents import CROWNS, FRONTS, PREPOSITION, Affordances, Relation, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
@@ -261,7 +261,10 @@ def _category(key: str, entry: Any) -> Category:
     if not isinstance(fronts, list) or not all(front in FRONTS for front in fronts):
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
-    affordances = Affordances(**flags, fronts=frozenset(fronts))
+    crown = entry.get("crown")
+    if crown is not None and crown not in CROWNS:
+        raise LexiconError(f"[categories.{key}]", f"expected `crown` as {' or '.join(CROWNS)}, got {crown!r}")
+    affordances = Affordances(**flags, fronts=frozenset(fronts), crown=crown)
     kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat", "soft")}
     # "The seat of the sofa" is a part of it, and so is "the sofa seat".
     parts = ("seat", "cushion") if kind["seat"] else ()

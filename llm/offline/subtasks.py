@@ -18,9 +18,10 @@ from llm.errors import QueryError
 from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
 from oag import Action, Primitive, Scene, flows
 from oag.model.actions import ActionFlow
+from oag.model.scene import UPRIGHT_DEG
 from oag.model.symbols import GRIPPER, Kind
 from oag.model.where import Where
-from oag.sizes import Gripper, Sizing, graspable_items, has_finger_room
+from oag.sizes import LEAST_ACROSS, LEAST_TOP_M, Gripper, Sizing, graspable_items, has_finger_room
 
 
 def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
@@ -152,8 +153,7 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
             destination, "no interior to put something into", around, (other,) if can.surface or can.top else ()
         )
     if relation == "ontop" and not (can.surface or can.top):
-        other = Intent(IntentKind.PLACE, target, "inside", destination)
-        raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
+        _check_crown(target, destination, around)
     if relation == "inside" and not _goes_in(target, destination, around):
         raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
     there = any(step.relation == relation and step.object_id == destination for step in around.supports(target))
@@ -161,6 +161,40 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
         raise _so_already(intent)
     if intent.where is not None and intent.where.other == target:
         raise Refusal("affordance", f"{target} cannot be put {intent.where}")
+
+
+def _check_crown(target: str, destination: str, around: Surroundings) -> None:
+    """Raise the Refusal of putting a thing onto one without a surface, unless that bears it on its top or its rim.
+
+    Only sizes are compared: whether the thing stays there is asked of physics before anything moves.
+    """
+    thing, bearer, can = (
+        around.scene.objects[target],
+        around.scene.objects[destination],
+        around.affordances[destination],
+    )
+    into = (Intent(IntentKind.PLACE, target, "inside", destination),) if can.interior else ()
+    stands = thing.has_box and bearer.has_box and bearer.lean_deg <= UPRIGHT_DEG
+    if can.crown is None or not stands:
+        raise _lacks(destination, "no surface to put something onto", around, into)
+    width_m = min(bearer.extent_m[:2])
+    if can.crown == "flat":
+        if width_m < LEAST_TOP_M:
+            problem = (
+                f"the top of {destination} is {100 * width_m:.1f} cm wide; "
+                f"things stand on one of {100 * LEAST_TOP_M:.0f} cm and more"
+            )
+            raise Refusal("affordance", problem)
+        return
+    factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
+    narrow_m, wide_m = sorted(factor * side for side in thing.extent_m[:2])
+    if wide_m < width_m or narrow_m < LEAST_ACROSS * width_m:
+        size = f"{100 * wide_m:.1f} x {100 * narrow_m:.1f} cm"
+        problem = (
+            f"{target} is {size} from above, and {destination} {100 * width_m:.1f} cm wide: on its rim rests what is "
+            f"as wide as that, and half as wide across"
+        )
+        raise Refusal("affordance", problem, instead=into)
 
 
 def _check_pushed(intent: Intent, around: Surroundings) -> None:

@@ -168,6 +168,33 @@ def test_how_a_thing_ends_in_a_bowl_is_found_without_changing_the_world(
 
 
 @pytest.mark.parametrize(
+    ("below", "above", "stays"),
+    [
+        pytest.param(("cup", (0.061, 0.061, 0.09)), ("red_apple", (0.074, 0.074, 0.074)), True, id="in the rim"),
+        pytest.param(
+            ("porcelain_bowl", (0.15, 0.15, 0.06)), ("porcelain_bowl", (0.16, 0.16, 0.06)), False, id="it nests"
+        ),
+        pytest.param(("can", (0.061, 0.061, 0.11)), ("can", (0.058, 0.058, 0.09)), True, id="on the flat top"),
+    ],
+)
+def test_a_thing_is_put_onto_a_rim_or_a_flat_top_if_it_stays_there(
+    below: tuple[str, tuple[float, float, float]], above: tuple[str, tuple[float, float, float]], stays: bool
+) -> None:
+    room = Room("stacked", "kitchen", np.random.default_rng(4), depth_m=3.6, width_m=4.0)
+    table = room.draw("table_four_legs")
+    stand(room, table, 0.0, 0.0, yaw_rad=0.0)
+    keys = []
+    for along_m, (model, size) in zip((-0.15, 0.15), (below, above), strict=True):
+        thing = room.draw(model, extent_m=dict(zip("xyz", size, strict=True)))
+        keys.append(place(room, thing, PlaceSpec(table.id, at=AtEdge("-x", (0.12, 0.13), (along_m, along_m + 0.01)))))
+    stand_robot(room)
+    scene = room.scene().with_robot(LIFTED.name)
+    found = executor.feasible(planned(scene, f"put {keys[1]} onto {keys[0]}"), scene, vary=False)
+    assert found.feasible is stays, found.reason
+    assert stays or "it would not stay there" in found.reason
+
+
+@pytest.mark.parametrize(
     ("second", "size", "word", "fits"),
     [
         pytest.param("half_apple", (0.066, 0.066, 0.03), "half apple", True, marks=pytest.mark.slow),

@@ -18,7 +18,7 @@ from executor.sim.engine import ROBOT
 from executor.sim.world import World
 from oag import Scene, SceneObject
 from oag.model.robots import PAPER_ROBOT
-from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, settle
+from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics
 LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -84,6 +84,24 @@ def test_ontop_holds_for_things_that_fell_over_or_rolled(turn_deg: float, make_w
     reading = read(Atom("ontop", ("glass_0", "table_0")), world)
     assert reading.value is True
     assert reading.measurements.height_above_surface_m == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("width_m", "on", "within"),
+    [(0.075, True, False), pytest.param(0.045, False, True, id="one that falls in is in it")],
+)
+def test_a_ball_that_hangs_into_the_mouth_of_a_cup_is_on_it(
+    width_m: float, on: bool, within: bool, make_world: MakeWorld
+) -> None:
+    upright: dict[str, object] = {"orientation": [1, 0, 0, 0]}
+    cup = {"category": "cup", "model": "cup", "position": [0.8, 0.0, 0.045], "bbox_extent": [0.061, 0.061, 0.09]}
+    ball = {"category": "apple", "model": "red_apple", "position": [0.8, 0.0, 0.14], "bbox_extent": [width_m] * 3}
+    world = make_world(scene_of({"cup_0": cup | upright, "apple_0": ball | upright}))
+    settle(world, 1.0)
+    reading = read(Atom("ontop", ("apple_0", "cup_0")), world)
+    assert (reading.value, value(world, "inside", "apple_0", "cup_0")) == (on, within)
+    if on:
+        assert reading.measurements.height_above_surface_m == pytest.approx(0.0, abs=0.003)
 
 
 def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> None:
