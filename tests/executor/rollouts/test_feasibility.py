@@ -32,7 +32,6 @@ from oag.model.robots import LIFTED
 from oag.sizes import Sizing
 
 pytestmark = pytest.mark.physics
-INSIDE = bddl.Atom("inside", ("die_0", "bowl_0"))
 QUERY = "put the glass into the refrigerator"
 
 
@@ -155,16 +154,17 @@ def test_how_a_thing_ends_in_a_bowl_is_found_without_changing_the_world(
 ) -> None:
     upright, size = (1.0, 0.0, 0.0, 0.0), (0.16, 0.16, 0.06)
     bowl = SceneObject("bowl_0", "bowl", "bowl", (-2.0, -2.0, 0.03), upright, size, (1.0, 1.0, 1.0))
-    die = SceneObject("die_0", "die", "die", (-1.5, -2.0, 0.02), upright, (0.04, 0.04, 0.04), (1.0, 1.0, 1.0))
-    scene = with_things(kitchen, bowl_0=bowl, die_0=die)
+    # No cube: that one stands on each of its faces.
+    carton = SceneObject("box_0", "box", "carton", (-1.5, -2.0, 0.03), upright, (0.04, 0.04, 0.06), (1.0, 1.0, 1.0))
+    scene = with_things(kitchen, bowl_0=bowl, box_0=carton)
     with DryWorld(scene, Checkpoint.at_start(scene).packed) as world:
-        before, released = world.T_world_link("die_0"), world.T_world_link("die_0")
-        released[:3, 3] = (-2.0 + aside_m, -2.0, 0.10)
-        with at_rest_within(world, {"die_0": released}, "bowl_0") as rested:
-            assert set(rested.assets) == {"bowl_0", "die_0"}
-            (reading,) = judge(INSIDE, rested)
+        before, released = world.T_world_link("box_0"), world.T_world_link("box_0")
+        released[:3, 3] = (-2.0 + aside_m, -2.0, 0.11)
+        with at_rest_within(world, {"box_0": released}, "bowl_0") as rested:
+            assert set(rested.assets) == {"bowl_0", "box_0"}
+            (reading,) = judge(bddl.Atom("inside", ("box_0", "bowl_0")), rested)
         assert reading.satisfied is stays
-        assert np.array_equal(world.T_world_link("die_0"), before)
+        assert np.array_equal(world.T_world_link("box_0"), before)
 
 
 @pytest.mark.parametrize(
