@@ -19,7 +19,7 @@ POSTURE_S = 2e-4  # One start of the inverse kinematics.
 LINE_STEP_S = 1e-4  # One Newton step along a line of hand poses.
 NAMED = 3
 OBSTRUCTED = 0.1
-"""Of the configurations: what stands close before a thing was met in 3 to 26 % of them, what stands beside it in 2 to 7 %.
+"""Of the configurations. What stands close before a thing was met in 3 to 26 %, what stands beside it in 2 to 7 %.
 
 Then another grasp is found in less than it takes to move anything.
 """
