@@ -67,7 +67,7 @@ SIDEWAYS_RAD = (0.9, -0.9, 1.2, -1.2)
 What turns a thing in the fingers does not depend on it: the hand is turned about the axis along which they close.
 """
 
-BESIDE_M, NARROWED_COST = (0.006, 0.003, 0.0015), 0.1
+SPARE_M, NARROWED_COST = (0.006, 0.003, 0.0015), 0.1
 """How far each finger is beside what it is to close on where an open hand has no room: from three times what the robot
 is off its path down to what it keeps anywhere at a grasp.
 """
@@ -295,7 +295,7 @@ def narrowed_goals(goals: Iterable[HandGoal], width_m: float, finger_upper_m: fl
         width_m: Of what the fingers close on.
         finger_upper_m: Position of each finger that is open all the way.
     """
-    openings_m = [(rank, width_m / 2 + beside_m) for rank, beside_m in enumerate(BESIDE_M)]
+    openings_m = [(rank, width_m / 2 + spare_m) for rank, spare_m in enumerate(SPARE_M)]
     return [
         replace(goal, opening_m=opening_m, cost=goal.cost + NARROWED_COST * rank)
         for goal in goals

@@ -82,8 +82,8 @@ class Stroke:
 def pushes(subtask: SimpleTask) -> bool:
     """Decide whether a subtask brings a thing beside another one without taking it."""
     primitives = {action.primitive for action in subtask.flow or ()}
-    beside = subtask.where is not None and bool(subtask.where.other)
-    return beside and Primitive.APPROACH in primitives and Primitive.GRASP not in primitives
+    has_neighbour = subtask.where is not None and bool(subtask.where.other)
+    return has_neighbour and Primitive.APPROACH in primitives and Primitive.GRASP not in primitives
 
 
 def unpushable(session: Session) -> str | None:

@@ -249,14 +249,14 @@ class _IntentBuilder(Referring):
         command = replace(command, destination=there)
         loads = self._loads(command, targets, place)
         if (spot := self._spot(command, place)) is not None:
-            return (*loads, *self._beside(command, ids, spot))
+            return (*loads, *self._put_next_to(command, ids, spot))
         if command.kind == "push":
             raise _pushed_nowhere(command)
         relation = self._relation(there, ids, place)
         carried = self._carried(place, there)
         return (*loads, *placings(ids, relation, place.object_id, place.part), *carried)
 
-    def _beside(self, command: Command, ids: Sequence[str], spot: Where) -> tuple[Intent, ...]:
+    def _put_next_to(self, command: Command, ids: Sequence[str], spot: Where) -> tuple[Intent, ...]:
         """Return the intents that put things beside another one; what the hand cannot take there is pushed."""
         around, host = self.grounding.around, self._hosts(spot.other)[0]
         intents = []

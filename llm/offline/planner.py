@@ -443,8 +443,8 @@ class OfflinePlanner:
 
 def _pushes_instead(request: Request, around: Surroundings) -> tuple[str, ...]:
     """Return the wishes to push what is to be put beside another thing, and is wider than the hand opens."""
-    beside = (i for i in request.intents if i.kind is IntentKind.PLACE and i.where is not None and i.where.other)
-    unfit = (i for i in beside if why_unfit(i.target, around.scene, around.sizing) is not None)
+    at_spots = (i for i in request.intents if i.kind is IntentKind.PLACE and i.where is not None and i.where.other)
+    unfit = (i for i in at_spots if why_unfit(i.target, around.scene, around.sizing) is not None)
     pushes = (replace(intent, kind=IntentKind.PUSH) for intent in unfit)
     return tuple(str(push) for push in pushes if is_possible(push, around))
 

@@ -86,7 +86,7 @@ def _stood(clause: Sequence[TaggedWord], grounding: Grounding) -> list[TaggedWor
         if place is not None and not _are_there(named, _ids(things[place + 1 :], grounding), grounding):
             return None
         found += [TaggedWord("AND", "and")] if found else []
-        found += _told(things[:place], named, grounding) + (things[place:] if place is not None else [])
+        found += _lying_alone(things[:place], named, grounding) + (things[place:] if place is not None else [])
     return found
 
 
@@ -109,7 +109,7 @@ def _are_there(ids: Sequence[str], places: Sequence[str], grounding: Grounding) 
     return any(step.object_id in places for key in ids for step in grounding.around.supports(key))
 
 
-def _told(words: Sequence[TaggedWord], ids: Sequence[str], grounding: Grounding) -> list[TaggedWord]:
+def _lying_alone(words: Sequence[TaggedWord], ids: Sequence[str], grounding: Grounding) -> list[TaggedWord]:
     """Return the words for a thing; of several of a name the only one that lies is meant."""
     lying = [key for key in ids if grounding.around.is_upright(key) is False]
     if len(ids) < 2 or len(lying) != 1 or any(word.terminal in _ARTICLES - {"DETERMINER", "A"} for word in words):
