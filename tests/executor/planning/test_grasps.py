@@ -9,10 +9,10 @@ from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
 from executor.planning.grasps import (
-    BESIDE_M,
     FINGERTIPS_M,
     HOLDING_SHARE,
     ITEM_HEADINGS,
+    SPARE_M,
     deep_goals,
     item_goals,
     narrowed_goals,
@@ -141,7 +141,7 @@ def test_something_deep_is_taken_near_its_front_where_it_is_as_wide() -> None:
     assert all(np.linalg.norm(T[:2, 3]) > FINGERTIPS_M for T in level)
 
 
-@pytest.mark.parametrize(("width_m", "ways"), [(0.03, len(BESIDE_M)), (0.076, 1), (0.08, 0)])
+@pytest.mark.parametrize(("width_m", "ways"), [(0.03, len(SPARE_M)), (0.076, 1), (0.08, 0)])
 def test_fingers_are_open_a_little_wider_than_what_they_close_on_and_never_wider_than_they_get(
     width_m: float, ways: int
 ) -> None:
