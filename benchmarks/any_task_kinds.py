@@ -30,7 +30,6 @@ from executor.assets.model import Region
 from executor.bench.any_task import pursue
 from executor.campaign.planning_model import plan_offline
 from executor.campaign.rate import Rate
-from executor.planning.placements import UPWARD
 from executor.planning.whereabouts import parts_named
 from executor.scenes.changes import place_of, placed
 from executor.scenes.generators import any_task
@@ -190,7 +189,7 @@ def _before(home: Home, item: str, blocker: str, _: str) -> Asked | None:
         (key, region)
         for key in home.furniture
         for region in asset_for(home.scene[key]).regions
-        if abs(region.opening[2]) < UPWARD
+        if not region.opens_upward
     ]
     if not places:
         return None

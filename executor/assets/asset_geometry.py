@@ -69,7 +69,7 @@ def stands_by_nature(asset: Asset) -> bool:
 
     A ball has none, and a die stands on any side.
     """
-    is_hollow = any(region.kind == "interior" and region.opening[2] > 0.5 for region in asset.regions)
+    is_hollow = any(region.kind == "interior" and region.opens_upward for region in asset.regions)
     return not rolls_freely(asset) and (asset.symmetric_about_z or is_tall(asset) or is_hollow)
 
 

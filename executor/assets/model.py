@@ -170,6 +170,9 @@ class Control(Joint):
         return self.set_to if self.switched_on else self.limits[0]
 
 
+UPWARD = 0.5  # Vertical part of the direction of an opening.
+
+
 @dataclass(frozen=True, slots=True)
 class Region:
     """A box in which, or on the bottom of which, things can be put.
@@ -191,6 +194,11 @@ class Region:
     half_extents_m: Vector
     opening: Vector
     joint: str | None = None
+
+    @property
+    def opens_upward(self) -> bool:
+        """Whether things come in from above, as into a drawer, and not through a front."""
+        return self.opening[2] > UPWARD
 
     @property
     def floor_m(self) -> Vector:

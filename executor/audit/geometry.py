@@ -1,13 +1,14 @@
 """A second geometry: where everything is in a recorded state, by the engine's own shapes, contacts and velocities.
 
 Nothing of the detectors is used: no region, no handle, no box of an asset. On something: under the middle of mass there
-is a face of it, and the lowest point is on that. In a fixture: every vertex within the box around its carcass, or the
+is a face of it, and the lowest point is on that, or on its rim. In a fixture: every vertex within the box around its carcass, or the
 middle over a drawer and the lowest point below its rim. In a dish: the middle of mass over it, the lowest point below
 its rim. In the gripper: what is between the fingertips belongs to it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -141,7 +142,19 @@ class Snapshot:
         middle = self.middles[item]
         tops = [0.0] if support == GROUND else [_top_under(hull, middle) for hull in self.hulls[support]]
         heights = [top for top in tops if top is not None and top < middle[2]]
-        return bool(heights) and abs(self.lowest_m(item) - max(heights)) <= ON_M
+        stands = bool(heights) and abs(self.lowest_m(item) - max(heights)) <= ON_M
+        return stands or (support in self.middles and self._is_on_rim(item, support))
+
+    def _is_on_rim(self, item: str, dish: str) -> bool:
+        """Decide whether an item lies across the rim of something hollow; a ball hangs into the mouth."""
+        points, middle = np.concatenate(self.hulls[dish]), self.middles[item]
+        rim = _top_under(points, middle)
+        if rim is None or middle[2] <= rim:
+            return False
+        mouth = float(np.ptp(points[:, :2], axis=0).min()) / 2  # Without its wall it is a little narrower.
+        radius = float(np.ptp(np.concatenate(self.hulls[item]), axis=0).mean()) / 2
+        hangs = radius - math.sqrt(radius**2 - mouth**2) if self.is_ball(item) and mouth < radius else 0.0
+        return rim - hangs - ON_M <= self.lowest_m(item) <= rim + ON_M
 
     def is_in(self, item: str, container: str) -> bool:
         """Decide whether an item is inside a fixture's carcass, in one of its drawers, or in a dish."""

@@ -16,7 +16,6 @@ from executor.sim.engine import ROBOT
 from executor.sim.world import World
 
 OUT_BY_M = 0.02  # What is outside is so far beyond the front: ten times what the robot is off its path.
-UPWARD = 0.5  # Of an opening's direction: from here on a region is open at the top.
 HELD = "held object"
 """Name of what is in the gripper, its cargo included, as what moves."""
 
@@ -136,7 +135,7 @@ def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, 
             centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
             off = np.abs(centre - np.array(region.center_m)) - room
             # What stands in a drawer goes along however far it stands out.
-            stands_out = region.opening[2] > UPWARD and centre[2] > region.center_m[2]
+            stands_out = region.opens_upward and centre[2] > region.center_m[2]
             if bool(np.all(off <= 0.0)) or (
                 stands_out and bool(np.all(off[:2] <= 0.0)) and region.link in links_touching(world, item, object_id)
             ):

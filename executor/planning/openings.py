@@ -25,7 +25,6 @@ from oag.primitives.table import OPEN_FRACTION
 ROOM_M = 0.01
 """How much an interior has to be larger than what is put into it."""
 
-_UPWARD = 0.5  # Vertical part of an opening's direction; above it the interior is a drawer.
 
 Serves = Callable[[Handle], bool]
 
@@ -123,7 +122,7 @@ class Purpose:
         return self._known[handle.joint]
 
     def _serves(self, handle: Handle) -> bool:
-        drawer = [region for region in self._interiors(handle) if region.opening[2] > _UPWARD]
+        drawer = [region for region in self._interiors(handle) if region.opens_upward]
         if self.item is None or not drawer:
             return True
         world, joint = self.world, self.world.assets[self.object_id].joint(handle.joint)

@@ -54,7 +54,6 @@ ACROSS_TURNS_RAD = (np.pi / 2, -np.pi / 2, 1.2, -1.2)
 its fingers close, so that next to a side wall it fits in that way alone.
 """
 
-UPWARD = 0.5  # Of an opening's direction: from here on things are taken out upwards.
 OUT_M = 0.01
 """How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
 
@@ -289,7 +288,7 @@ def walls_rad(world: World, item: str) -> float | None:
         found = read(Atom("inside", (item, name)), world) if name != item else None
         if found is not None and found.value:
             region = next(one for one in world.assets[name].regions if one.name == found.measurements.region)
-            if region.opening[2] > UPWARD:
+            if region.opens_upward:
                 return heading_of(world.T_world_link(name, region.link)[:3, 0])
     return None
 

@@ -24,7 +24,7 @@ from executor.planning.place_search import (
     reaches_into,
     rise_m,
 )
-from executor.planning.placements import UPWARD, placement_goals
+from executor.planning.placements import placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner
 from executor.planning.stances import (
     ArmSolver,
@@ -122,7 +122,7 @@ class PlacementLookahead:
             self._planner.robot,
             0.0 if self._planner.robot.keeps_order else world.assets[self._item].extent_m[2],
         )
-        rises_m = {r.name: OVER_M if r.opening[2] > UPWARD else rise_m(r, height_m) for r in self._regions}
+        rises_m = {r.name: OVER_M if r.opens_upward else rise_m(r, height_m) for r in self._regions}
         wanted = placement_goals(
             world,
             carried,

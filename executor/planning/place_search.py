@@ -22,7 +22,7 @@ from executor.planning.cargo import HELD, Carried
 from executor.planning.collision import Hit, fingers_may_touch
 from executor.planning.drives import leads_away
 from executor.planning.paths import FINE_ARM_STEP_RAD, polyline
-from executor.planning.placements import UPWARD, placement_goals
+from executor.planning.placements import placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
 from executor.planning.stances import (
     ENOUGH_SCORE_RAD,
@@ -431,7 +431,7 @@ def reaches_into(robot: Robot, regions: Collection[Region]) -> tuple[float, ...]
 
     Deep in a compartment over a counter nothing but a nearly stretched arm gets there.
     """
-    behind_a_front = any(region.opening[2] <= UPWARD for region in regions)
+    behind_a_front = any(not region.opens_upward for region in regions)
     return robot.reaches_m + robot.far_reaches_m * (behind_a_front and not robot.keeps_order)
 
 
@@ -448,14 +448,14 @@ def lowerings_m(regions: Collection[Region], height_m: float = 0.0) -> tuple[flo
     usual = LENGTHS_M[Primitive.LIFT_EEF_DOWN]
     if any(rise_m(region, height_m) < min(usual) for region in regions):
         usual = (*usual, LOW_M)
-    depths_m = {2 * r.half_extents_m[2] for r in regions if r.kind == "interior" and r.opening[2] > UPWARD}
+    depths_m = {2 * r.half_extents_m[2] for r in regions if r.kind == "interior" and r.opens_upward}
     return usual + tuple(round(depth_m + OVER_RIM_M, 2) for depth_m in sorted(depths_m) if depth_m > max(usual))
 
 
 def rise_m(region: Region, height_m: float) -> float:
     """Return by how much a thing of a height may be raised on its way into a region: at most `THROUGH_M`."""
     room_m = 2 * region.half_extents_m[2] - height_m - UNDER_BOARD_M
-    fits = region.opening[2] <= UPWARD and room_m >= LOW_M
+    fits = not region.opens_upward and room_m >= LOW_M
     return min(room_m, THROUGH_M) if fits else THROUGH_M
 
 

@@ -30,7 +30,6 @@ DEPTHS_M = (0.16, 0.21, 0.12, 0.27)  # Behind a front, the most comfortable firs
 LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)  # To the side of a compartment's middle, the middle first.
 EDGE_INSETS_M = (0.13, 0.20, 0.09)  # From a table's edge: a thing is safe there and in reach.
 ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)  # Of an edge's length, the middle first.
-UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
 FLOOR = "floor"
 """Name of the floor's region: it is everywhere, so spots are around the robot and not along its edges."""
 
@@ -552,11 +551,11 @@ def placement_goals(
             is_round=not world.model.keeps_order and support in loose and world.assets[support].symmetric_about_z,
         ):
             gaps_m = release_gaps_m(world.model.hand, asset, region)
-            if region.opening[2] <= UPWARD and not world.model.keeps_order:
+            if not region.opens_upward and not world.model.keeps_order:
                 # From higher up it would be in the board above, wherever the robot stands.
                 gaps_m = tuple(gap_m for gap_m in gaps_m if height_m + gap_m <= 2 * region.half_extents_m[2])
             if forecast:
-                gaps_m = gaps_m[-1:] if region.opening[2] > UPWARD else gaps_m[:1]
+                gaps_m = gaps_m[-1:] if region.opens_upward else gaps_m[:1]
             for rank, gap_m in enumerate(gaps_m):
                 goals = hand_goals(asset, spot, gap_m, carried, pitch_rad, region)
                 found += [replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name) for goal in goals]

@@ -15,9 +15,9 @@ import numpy as np
 
 import bddl
 from executor.assets.asset_geometry import bounds
-from executor.assets.model import Asset, Handle, Region
+from executor.assets.model import UPWARD, Asset, Handle, Region
 from executor.geometry import Array, inverse
-from executor.planning.placements import SMALL_M, UPWARD
+from executor.planning.placements import SMALL_M
 from executor.sim.detectors import box_around
 from executor.sim.world import World
 from oag import SimpleTask
@@ -75,7 +75,7 @@ def parts_named(asset: Asset, where: Where) -> tuple[str, ...]:
 def _middles(asset: Asset, regions: Sequence[Region], part: str) -> dict[str, Array]:
     """Return the middle (3,) of each part of a kind, in the frame of its thing."""
     if part == "shelf":
-        return {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
+        return {region.name: np.array(region.floor_m) for region in regions if not region.opens_upward}
     kind = {"door": "revolute", "drawer": "prismatic"}.get(part)
     bars: dict[str, list[Array]] = {}
     for bar in asset.handles:
@@ -151,7 +151,7 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     if (np.abs(local - middle)[:2] > room[:2] - width_m / 2).any() or (np.abs(other - middle) > room + 0.05).any():
         return None
     half = np.array([*(2 * (min(width_m / 2 + MARGIN_M, 0.9 * SMALL_M),)), room[2]])
-    if abs(region.opening[2]) < UPWARD:
+    if not region.opens_upward:
         half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + MARGIN_M)
     x, y = map(float, local[:2])
     along, across, up = map(float, half)

@@ -13,7 +13,6 @@ from bddl import atoms
 from bddl.terminal import pluralize
 from executor.assets.asset_geometry import rolls_freely
 from executor.assets.model import Asset, Region
-from executor.planning.placements import UPWARD
 from executor.planning.whereabouts import handles_of, parts_named, regions_of
 from executor.records import Failure, FailureKind
 from executor.rollouts.goals import LEANS_DEG, STANDS_DEG
@@ -71,7 +70,7 @@ def no_part(world: World, subtask: SimpleTask) -> Failure | None:
 
 def _parts(asset: Asset, where: Where) -> str:
     if where.part == "shelf":
-        boards = sum(region.opening[2] < UPWARD for region in asset.regions)
+        boards = sum(not region.opens_upward for region in asset.regions)
         return f"{boards or 'no'} {'shelf' if boards == 1 else 'shelves'}"
     kinds = {"revolute": "door", "prismatic": "drawer"}
     counts = Counter(kinds[joint.kind] for joint in asset.joints if joint.opens)
@@ -111,7 +110,7 @@ def _may_end_inside(world: World, item: str, support: str, region: Region) -> bo
     stands = abs(world.T_world_link(item)[2, 2]) >= STANDING and not rolls_freely(asset)
     return (
         not stands
-        or region.opening[2] <= UPWARD
+        or not region.opens_upward
         or (_least_middle_m(world, item, support) <= 2 * region.half_extents_m[2])
         # What stands between the walls is in, however far it stands out.
         or all(extent / 2 <= half for extent, half in zip(asset.extent_m[:2], region.half_extents_m[:2], strict=True))
@@ -128,7 +127,7 @@ def _least_middle_m(world: World, item: str, support: str) -> float:
 def _may_fit(world: World, item: str, support: str, region: Region) -> bool:
     x, y, z = world.assets[item].extent_m
     room_x, room_y, room_z = (2 * half for half in region.half_extents_m)
-    if region.opening[2] > UPWARD:
+    if region.opens_upward:
         # From above it may come in any way up, and stand out of it.
         least, middle, _ = sorted((x, y, z))
         rim = world.assets[support].rim

@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.audit import audit, replay
 from benchmarks.audit_watch import Watch, watching
+from executor.assets.library import sample
 from executor.audit.decision import holds
 from executor.audit.geometry import Snapshot
 from executor.bench.units import BenchSetting, Unit
@@ -173,3 +174,25 @@ def test_the_second_geometry_knows_what_is_set_upright_and_what_is_out_from_unde
     assert stands.is_roofed("can_0") and not out.is_roofed("can_0")
     assert stands.tilt_deg("can_0", lies) < 1.0 and lies.tilt_deg("can_0", lies) < 1.0
     assert lies.tilt_deg("can_0", stands) > 80.0
+
+
+@pytest.mark.parametrize(
+    ("noun", "extent_m", "up_m", "is_on"),
+    [
+        pytest.param("carton", (0.12, 0.09, 0.05), 0.0, True, id="across the rim"),
+        pytest.param("carton", (0.12, 0.09, 0.05), 0.02, False, id="above it"),
+        pytest.param("die", (0.03, 0.03, 0.03), -0.07, False, id="inside"),
+        # Of a ball of 37 mm radius, 16 mm hang into a mouth of 30 mm radius.
+        pytest.param("red_apple", (0.074, 0.074, 0.074), -0.014, True, id="a ball in the rim"),
+        pytest.param("red_apple", (0.074, 0.074, 0.074), -0.03, False, id="a ball that goes through"),
+    ],
+)
+def test_what_lies_across_a_rim_is_on_it(noun: str, extent_m: tuple[float, ...], up_m: float, is_on: bool) -> None:
+    x, y, z = extent_m
+    cup = replace(sample("cup", 0, "cup_0"), bbox_extent=(0.061, 0.061, 0.09))
+    thing = replace(sample(noun, 0, "thing_0"), bbox_extent=(x, y, z))
+    scene = scene_at_paper_size("kitchen_t1")
+    with World(replace(scene, objects={**scene.objects, "cup_0": cup, "thing_0": thing})) as world:
+        world.set_object_pose("cup_0", at(-1.0, 1.0, 0.045))
+        world.set_object_pose("thing_0", at(-1.0, 1.0, 0.09 + up_m + z / 2))
+        assert Snapshot(world, world.pack()).is_on("thing_0", "cup_0") is is_on
