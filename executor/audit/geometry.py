@@ -1,9 +1,9 @@
 """A second geometry: where everything is in a recorded state, by the engine's own shapes, contacts and velocities.
 
 Nothing of the detectors is used: no region, no handle, no box of an asset. On something: under the middle of mass there
-is a face of it, and the lowest point is on that, or on its rim. In a fixture: every vertex within the box around its carcass, or the
-middle over a drawer and the lowest point below its rim. In a dish: the middle of mass over it, the lowest point below
-its rim. In the gripper: what is between the fingertips belongs to it.
+is a face of it, and the lowest point is on that, or on its rim. In a fixture: every vertex within the box around its
+carcass, or the middle over a drawer and the lowest point below its rim. In a dish: the middle of mass over it, the
+lowest point below its rim. In the gripper: what is between the fingertips belongs to it.
 """
 
 from __future__ import annotations

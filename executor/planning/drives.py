@@ -262,7 +262,7 @@ def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None
 
 
 def leads_away(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> bool:
-    """Return whether the open hand gets home from what it has let go of without a tree: that is left to chance.
+    """Return whether the open hand gets home from what it has let go of by straight motions, without a random search.
 
     Args:
         planner, q, allowed: As for `withdraw`.

@@ -30,6 +30,7 @@ from executor.system.effort import Effort, SearchExhausted
 from oag import Scene, SceneObject
 from oag.model.robots import LIFTED
 from oag.sizes import Sizing
+from tests.executor.wishes import pursued
 
 pytestmark = pytest.mark.physics
 QUERY = "put the glass into the refrigerator"
@@ -243,11 +244,7 @@ def test_wishes_that_a_person_calls_possible_are_feasible(seed: int, because: st
     ],
 )
 def test_a_run_makes_the_choices_of_its_forecast(seed: int, because: str) -> None:
-    wish = any_task.draw(seed)
-    graph = oag.compose(llm.propose(wish.query, wish.scene, sizing=Sizing(keep=True)).task, scene=wish.scene)
-    found = executor.feasible(graph, wish.scene, seed, vary=False)
-    assert found, found.reason
-    done = executor.rollout(graph, wish.scene, seed, vary=False, conditions=found.conditions())
+    done = pursued(seed)
     assert done.succeeded, f"{because}: {done.failure}"
 
 

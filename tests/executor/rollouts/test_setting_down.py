@@ -16,6 +16,7 @@ from executor.scenes.generators import any_task
 from oag.measurements import ReleaseMeasured, first_of
 from oag.model.robots import LIFTED, PAPER_ROBOT
 from oag.sizes import Sizing
+from tests.executor.wishes import pursued
 
 pytestmark = pytest.mark.physics
 
@@ -71,12 +72,7 @@ def test_over_a_bowl_it_is_let_go_of_where_its_fall_was_found_out() -> None:
     ],
 )
 def test_wishes_that_were_lost_by_geometry_or_after_having_moved(seed: int, because: str) -> None:
-    wish = any_task.draw(seed)
-    task = llm.propose(wish.query, wish.scene, sizing=Sizing(keep=True)).task
-    found = executor.feasible(oag.compose(task, scene=wish.scene), wish.scene, seed, vary=False)
-    assert found, f"{because}: {found.reason}"
-    graph = oag.compose(found.task, scene=wish.scene)
-    done = executor.rollout(graph, wish.scene, seed, vary=False, conditions=found.conditions())
+    done = pursued(seed)
     assert done.succeeded, f"{because}: {done.failure}"
 
 
