@@ -12,6 +12,7 @@ import pytest
 
 import bddl
 import llm
+from executor.assets.model import Region
 from executor.geometry import transform
 from executor.planning.whereabouts import (
     ends_at_side,
@@ -138,7 +139,8 @@ def test_a_word_that_fits_several_doors_of_a_grid_chooses_none(which: str, place
 def test_boards_of_one_height_behind_two_doors_are_one_shelf() -> None:
     places = {"l0": (0.3, 1.0), "r0": (-0.3, 1.0), "l1": (0.3, 0.5), "r1": (-0.3, 0.5)}
     boards: list[Any] = [
-        SimpleNamespace(name=name, floor_m=(0.0, y, z), opening=(-1.0, 0.0, 0.0)) for name, (y, z) in places.items()
+        Region(name, "interior", "body", (0.0, y, z + 0.1), (0.2, 0.2, 0.1), (-1.0, 0.0, 0.0))
+        for name, (y, z) in places.items()
     ]
     thing: Any = SimpleNamespace(assets={"box_0": SimpleNamespace(handles=())})
     found = {
